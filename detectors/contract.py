@@ -111,7 +111,11 @@ def _ask_detector(module: ModuleType, record: LoopRecord) -> Any:
         seen = record
     else:
         seen = record.without_mv()
-    before = {s: np.array(x) for s in RECORDED_SIGNALS if (x := getattr(seen, s)) is not None}
+    before = {}
+    for name in RECORDED_SIGNALS:
+        signal = getattr(seen, name)
+        if signal is not None:
+            before[name] = np.array(signal)
     answer = module.detect(Prepared(seen), **module.METHOD.defaults())
     for signal, values in before.items():
         if not np.array_equal(values, getattr(seen, signal), equal_nan=True):

@@ -102,7 +102,11 @@ def _guard_record(record: LoopRecord) -> Iterator[None]:
     """Let a plug-in write neither into the record, which other methods see, nor to stdout, which is
     the answer's.
     """
-    signals = [x for s in RECORDED_SIGNALS if (x := getattr(record, s)) is not None]
+    signals = []
+    for name in RECORDED_SIGNALS:
+        signal = getattr(record, name)
+        if signal is not None:
+            signals.append(signal)
     writeable = [x.flags.writeable for x in signals]
     try:
         for x in signals:

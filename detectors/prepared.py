@@ -347,7 +347,8 @@ def prepare(record: LoopRecord) -> Prepared:
         step *= 2
     # starts and ends that every density has: half a swing earlier or later a half may seem to
     # oscillate or not
-    quarter, middle = (-(-record.n // (k * step)) * step for k in (4, 2))
+    quarter = -(-record.n // (4 * step)) * step
+    middle = -(-record.n // (2 * step)) * step
     for part in ((middle, record.n), (quarter, quarter + middle), (0, middle)):
         if part[1] - part[0] < 3:
             return whole

@@ -415,10 +415,8 @@ def overridden(loop: Loop, overrides: Mapping[str, Value]) -> Loop:
     """Return a member's loop with the keys that have the last word."""
     # a healthy sibling has no S to set
     healthy = loop.valve.name == "ideal"
-    return loop.with_all(
-        {
-            key: value
-            for key, value in overrides.items()
-            if not (healthy and key.partition(".")[0] == "valve")
-        }
-    )
+    changes = {}
+    for key, value in overrides.items():
+        if not (healthy and key.partition(".")[0] == "valve"):
+            changes[key] = value
+    return loop.with_all(changes)

@@ -185,7 +185,9 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
         if key not in SETTINGS and not is_of_loop(key):
             raise SpecError(f"{name}: unknown axis {key!r}, {suggestion(key, SETTINGS)}")
     # an axis that some blocks have is changed there; one that none has is added to all
-    known = {key for block in content.block for key in (*block.axes, *block.draw, *content.draw)}
+    known = set(content.draw)
+    for block in content.block:
+        known |= {*block.axes, *block.draw}
     blocks = []
     for block in content.block:
         # Td/T has no meaning on an integrating block, nor Td/Ti on the other; another process needs

@@ -21,7 +21,8 @@ def checked_polynomials(num: Any, den: Any) -> tuple[np.ndarray, np.ndarray]:
     plant.
     """
     # Both as arrays; the valve acts on PV in the end
-    num, den = (_check_numbers(name, values, "s") for name, values in (("num", num), ("den", den)))
+    num = _check_numbers("num", num, "s")
+    den = _check_numbers("den", den, "s")
     if num.size == 0 or num[-1] == 0.0:
         raise ValueError(
             "num has no constant term: the valve has no lasting effect on PV; a last number besides"
@@ -66,7 +67,8 @@ def checked_sampled(num: Any, den: Any, lags: int) -> tuple[np.ndarray, np.ndarr
     (1 of a plant, 0 of a controller), or raise ValueError that says why they are none.
     """
     # Both as arrays; the answer comes as late as it must
-    num, den = (_check_numbers(name, values, "z") for name, values in (("num", num), ("den", den)))
+    num = _check_numbers("num", num, "z")
+    den = _check_numbers("den", den, "z")
     _refuse_order(den)
     if num.size == 0:
         raise ValueError("num holds only 0; a number besides 0 is needed")

@@ -149,7 +149,9 @@ def add_options(command: Sequence[str], cure: str) -> str:
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
     """Return the columns that a command line names."""
     pairs: dict[str, str] = {}
-    parts = (part for text in texts or [] for part in re.split(r",(?=\s*\w+\s*=)", text))
+    parts = []
+    for text in texts or []:
+        parts += re.split(r",(?=\s*\w+\s*=)", text)
     for part in parts:
         role, _, name = (word.strip() for word in part.partition("="))
         if not role or not name:

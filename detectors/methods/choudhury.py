@@ -173,7 +173,8 @@ def detect(
         around = higher.peak
     op = record.op if record.op_percent is None else record.op_percent
     step = resampling_step(period)
-    op, pv = (means(x, step) for x in (op, record.pv))
+    op = means(op, step)
+    pv = means(record.pv, step)
     around = (step * around[0], step * around[1])
     low, high = (
         given or ellipse for given, ellipse in zip((low, high), boundaries(around), strict=True)

@@ -84,11 +84,11 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
                 NO_DECISION,
                 reason="too short: fewer than twelve cycles of the oscillation",
             )
-        op, pv = (
-            band_pass(prepared.signal(name), *boundaries(higher.peak)) for name in ("travel", "pv")
-        )
+        op = band_pass(prepared.signal("travel"), *boundaries(higher.peak))
+        pv = band_pass(prepared.signal("pv"), *boundaries(higher.peak))
     else:
-        op, pv = (prepared.band(name, period / harmonics) for name in ("travel", "pv"))
+        op = prepared.band("travel", period / harmonics)
+        pv = prepared.band("pv", period / harmonics)
     cut = slice(*regular_segment(op, period, round(4 * period)))
     # of an oscillation that has died out rounding is left, and that depends on the unit
     moves = all(

@@ -88,7 +88,8 @@ def _one_step(
     # Averages, so that a cycle has few samples
     q = max(1, int(period / _SAMPLES))
     n = op.size // q
-    u, y = (x[: n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
+    u = op[: n * q].reshape(n, q).mean(axis=1)
+    y = pv[: n * q].reshape(n, q).mean(axis=1)
     delays = range(max(2, round(0.5 * period / q)))
 
     # Every valve of a small grid with its best plant, and no valve at all

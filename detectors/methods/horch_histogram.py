@@ -51,9 +51,8 @@ def density_errors(d: np.ndarray, least_A: float = 1.0) -> tuple[float, float]:
     z = (d - d.mean()) / d.std()
     density = np.histogram(z, BINS)[0] / (z.size * (BINS[1] - BINS[0]))
     gaussians, camels = _mean_densities(least_A)
-    camel, gauss = (
-        float(((family - density) ** 2).mean(axis=1).min()) for family in (camels, gaussians)
-    )
+    camel = float(((camels - density) ** 2).mean(axis=1).min())
+    gauss = float(((gaussians - density) ** 2).mean(axis=1).min())
     return camel, gauss
 
 

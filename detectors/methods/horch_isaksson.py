@@ -187,7 +187,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     q = max(1, int(period / _SAMPLES))
     start, stop = strongest_segment(op, period, min(record.n, _LENGTH * q))
     n = (stop - start) // q
-    u, y = (x[start : start + n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
+    u = op[start : start + n * q].reshape(n, q).mean(axis=1)
+    y = pv[start : start + n * q].reshape(n, q).mean(axis=1)
     half = max(round(period / q / 2), 1)
     u = (u - moving_mean(u, half)) / scale
     y = y - moving_mean(y, half)

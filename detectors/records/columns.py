@@ -158,7 +158,8 @@ def take_samples(table: Sheet, chosen: Mapping[str, str]) -> None:
     words = {}
     for name in roles:
         words[words_of(name)] = name
-    dates, clocks = (table.columns.get(words.get(word, "")) for word in ("date", "time"))
+    dates = table.columns.get(words.get("date", ""))
+    clocks = table.columns.get(words.get("time", ""))
     if isinstance(dates, list) and isinstance(clocks, list):
         both = [d if d == c else f"{d} {c}" for d, c in zip(dates, clocks, strict=True)]
         table.columns[words["time"]] = both
@@ -233,7 +234,14 @@ def find_loops(table: Sheet, chosen: Mapping[str, str]) -> dict[str, Roles]:
             for role in among.keys() - mine.keys():
                 more[role] = more.get(role, []) + among[role]
     roles = _pick_each(table, more | mine, given)
-    one, two = (parse(roles.get(r, "")).loop if r not in given else () for r in ("pv", "op"))
+    if "pv" not in given:
+        one = parse(roles.get("pv", "")).loop
+    else:
+        one = ()
+    if "op" not in given:
+        two = parse(roles.get("op", "")).loop
+    else:
+        two = ()
     if one and two and one != two and _number_of_tag(one) != _number_of_tag(two):
         both = f"{table.where}: {roles['pv']} and {roles['op']} name two loops"
         raise RecordError(
@@ -402,11 +410,10 @@ def choose_loop(tag: str, labels: Iterable[str]) -> list[str]:
     among = {}
     for label in labels:
         among[label] = f" {words_of(label)} "
-    return (
-        [label for label in among if label == tag]
-        or [label for label, words in among.items() if words.endswith(asked)]
-        or [label for label, words in among.items() if asked in words]
-    )
+    same = [label for label in among if label == tag]
+    ending = [label for label, words in among.items() if words.endswith(asked)]
+    holding = [label for label, words in among.items() if asked in words]
+    return same or ending or holding
 
 
 def read_numbers(table: Sheet, names: Iterable[str]) -> dict[str, np.ndarray]:

@@ -75,7 +75,10 @@ class Report:
             concluded[n] = {"conclusion": c.as_json()}
         place = {}
         for n in self.records:
-            place[n] = {} if n is None else {"record": n, "event": self.events.get(n)}
+            if n is None:
+                place[n] = {}
+            else:
+                place[n] = {"record": n, "event": self.events.get(n)}
 
         # verdicts, then files that are no records
         answers = []

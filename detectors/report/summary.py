@@ -83,7 +83,9 @@ def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> l
     """Return what is true of the record and not of one method: stated by most of several, or by the
     loader.
     """
-    clauses = Counter(c for v in verdicts for c in dict.fromkeys(_split_clauses(v.reason)))
+    clauses = Counter()
+    for v in verdicts:
+        clauses.update(list(dict.fromkeys(_split_clauses(v.reason))))
     least = max(2, (len(verdicts) + 1) // 2)
     return [*(record.notes if record else ()), *(c for c, n in clauses.items() if n >= least)]
 

@@ -199,10 +199,8 @@ def _explaining_bands(one: _Readings) -> _Bands:
     steps = np.abs(np.diff(one.op))
     least = float(steps[steps > 0.0].min())
     span = float(np.ptp(one.op))
-    sizes, jumps = (
-        np.append(0.0, np.geomspace(_SMALLEST * least, _LARGEST * span, count))
-        for count in (_SIZES, _JUMPS)
-    )
+    sizes = np.append(0.0, np.geomspace(_SMALLEST * least, _LARGEST * span, _SIZES))
+    jumps = np.append(0.0, np.geomspace(_SMALLEST * least, _LARGEST * span, _JUMPS))
     valves = np.array([
         (S, J, side, begun)
         for S in sizes for J in jumps[jumps <= _MOST_J * S]

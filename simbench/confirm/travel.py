@@ -242,7 +242,14 @@ class _Manual:
                 f"the valve sticks: stick band S = {back:.3g} %, slip-jump J = {same:.3g} %{cycles}"
             )
         # a sum of steps may be too large by one
-        S, J = (None if x is None else (max(0.0, x - self.increment), x) for x in (back, same))
+        if back is None:
+            S = None
+        else:
+            S = (max(0.0, back - self.increment), back)
+        if same is None:
+            J = None
+        else:
+            J = (max(0.0, same - self.increment), same)
         phase = np.array(self.phase)
         return TravelTest(
             same, back, self.increment, wait, sticky, reason, self.Ts, phase, trace, S, J

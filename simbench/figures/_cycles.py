@@ -82,7 +82,10 @@ def draw_cycles(data: pd.DataFrame, ratio: str, shown: str, pv_label: str) -> Fi
     for j, cycle in enumerate(cycles):
         first = cycle.iloc[0]
         title = f"({first.panel}) {shown} = {first[ratio]:.3g}\n$S/2J$ = {first.S_over_2J:.3g}"
-        t, op, mv, pv = (cycle[c].to_numpy() for c in ("t (s)", "OP (%)", "MV (%)", "PV - SP"))
+        t = cycle["t (s)"].to_numpy()
+        op = cycle["OP (%)"].to_numpy()
+        mv = cycle["MV (%)"].to_numpy()
+        pv = cycle["PV - SP"].to_numpy()
         for i, (signal, values) in enumerate((("OP", op), ("MV", mv), ("PV", pv))):
             axes[i, j].plot(t, values, color=SIGNAL[signal])
             label(

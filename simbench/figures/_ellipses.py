@@ -47,6 +47,7 @@ def draw_ellipse(
             curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label=caption
         )
     half = float(data["S_apparent"].iloc[0]) / 2
-    x0, y0 = (float(ring[c].max() + ring[c].min()) / 2 for c in ("OP", "PV"))
+    x0 = float(ring["OP"].max() + ring["OP"].min()) / 2
+    y0 = float(ring["PV"].max() + ring["PV"].min()) / 2
     arrow(axes, (x0 - half, y0), (x0 + half, y0), "<->", color=ORANGE, linewidth=1.6)
     label(axes, op_label, pv_label, title)

@@ -36,7 +36,8 @@ def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:
 
 def eta(fits: pd.DataFrame) -> float:
     """Return He's index of drawn fits, MSE_sine / (MSE_sine + MSE_triangle)."""
-    sine, triangle = (((fits["signal"] - fits[name]) ** 2).mean() for name in ("sine", "triangle"))
+    sine = ((fits["signal"] - fits["sine"]) ** 2).mean()
+    triangle = ((fits["signal"] - fits["triangle"]) ** 2).mean()
     return float(sine / (sine + triangle))
 
 

@@ -54,7 +54,9 @@ def draw_nonlinearity(data: pd.DataFrame, ellipse: bool, printed: str) -> Figure
     """Draw the three views side by side."""
     # The error over time
     figure, axes = mosaic([["error", "bic", "xy"]], 9.0, 3.2)
-    error, higher, points = (data[data.part == name] for name in ("error", "bicoherence", "data"))
+    error = data[data.part == "error"]
+    higher = data[data.part == "bicoherence"]
+    points = data[data.part == "data"]
     axes["error"].plot(error["t (s)"], error["e"], color=BLUE, linewidth=0.7)
     label(axes["error"], "time (s)", "SP - PV (record's units)", "control error")
 

@@ -46,7 +46,8 @@ def sketch(*parts: list[list]) -> pd.DataFrame:
 def draw_sketch(table: pd.DataFrame) -> Figure:
     """Draw a sketch, its units as long as they are high; arrows that point at a box reach it."""
     # A page of the sketch's own size
-    wide, high = (float(table[c].max() - table[c].min()) + 1.6 for c in ("x", "y"))
+    wide = float(table["x"].max() - table["x"].min()) + 1.6
+    high = float(table["y"].max() - table["y"].min()) + 1.6
     inches = min(0.95, 9.0 / wide)  # of one unit
     figure = Figure(figsize=(inches * wide, inches * high))
     axes = figure.add_axes((0, 0, 1, 1))

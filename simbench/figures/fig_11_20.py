@@ -32,10 +32,8 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     cycle = sustained_cycle(loops.pi(numbers=NUMBERS), periods=10)
     period = cycle["period (s)"].iloc[0]
     noise = np.random.default_rng(0).normal(0.0, 0.1, (2, len(cycle)))
-    op, pv = (
-        band(cycle[c].to_numpy() + e, period, 3)[: round(4 * period)]
-        for c, e in (("OP (%)", noise[0]), ("PV - SP", noise[1]))
-    )
+    op = band(cycle["OP (%)"].to_numpy() + noise[0], period, 3)[: round(4 * period)]
+    pv = band(cycle["PV - SP"].to_numpy() + noise[1], period, 3)[: round(4 * period)]
     ellipse = fit_ellipse(op, pv)
     assert ellipse is not None
     a, b, alpha = ellipse.axes
@@ -49,9 +47,12 @@ def draw(data: pd.DataFrame) -> Figure:
     # Points and ellipse
     figure, place = panel(6.0, 4.4)
     draw_ellipse(place, data, "$OP_f$ - mean (%)", "$PV_f$ - mean (%)")
-    a, b, alpha = (float(data[c].iloc[0]) for c in ("a (%)", "b (%)", "alpha (rad)"))
+    a = float(data["a (%)"].iloc[0])
+    b = float(data["b (%)"].iloc[0])
+    alpha = float(data["alpha (rad)"].iloc[0])
     ring = data[data.curve == "ellipse"]
-    x0, y0 = (float(ring[c].max() + ring[c].min()) / 2 for c in ("OP", "PV"))
+    x0 = float(ring["OP"].max() + ring["OP"].min()) / 2
+    y0 = float(ring["PV"].max() + ring["PV"].min()) / 2
 
     # Both semi-axes with their names
     for length, angle, name in ((a, alpha, "a"), (b, alpha + np.pi / 2, "b")):

@@ -63,7 +63,8 @@ def draw(data: pd.DataFrame) -> Figure:
         shown.add(name)
 
     # The points that the chapter names
-    band, jump = (float(data[name].iloc[0]) for name in ("S (%)", "J (%)"))
+    band = float(data["S (%)"].iloc[0])
+    jump = float(data["J (%)"].iloc[0])
     half = (band - jump) / 2
     for name, point, gap in (
         ("A", (10, 10 + half), (-9, 0)),

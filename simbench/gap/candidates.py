@@ -129,10 +129,8 @@ def find_look_alikes(
     plant = first_order_like(s.baseline.plant).model_dump()
     r = s.record
     here = circumstances(plant, s.baseline.noise.std, r.sp, s.op, np.asarray(r.pv), r.mv, effect, p)
-    return tuple(
-        sorted(
-            e
-            for e in indistinguishable(effect, here)
-            if e == effect or recogniser(e) != Recogniser()
-        )
-    )
+    alike = []
+    for e in indistinguishable(effect, here):
+        if e == effect or recogniser(e) != Recogniser():
+            alike.append(e)
+    return tuple(sorted(alike))

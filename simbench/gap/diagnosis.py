@@ -143,7 +143,10 @@ def diagnose_all(
             ordinary = learn(controls)
         else:
             ordinary = None
-        said += [note for one in controls if (note := _not_healthy(one))]
+        for one in controls:
+            note = _not_healthy(one)
+            if note:
+                said.append(note)
         assessment, loops = _assess_all(records, baseline, jobs, ordinary, seed)
         kind = ClosedLoops if assessment.situation.stated_parts else IdentifiedLoops
         found = report(assessment, weigh_evidence(assessment), kind(assessment, seed), loops)
@@ -308,10 +311,16 @@ def _assess_all(
     )
 
     # Evidence of all records; the numbers are those of the longest
+    rows = []
+    for one in every:
+        rows += one.rows
+    parameters = {}
+    for one in reversed(every):
+        parameters |= one.parameters
     main = replace(
         main,
-        rows=tuple(row for one in every for row in one.rows),
-        parameters={e: p for f in reversed(every) for e, p in f.parameters.items()},
+        rows=tuple(rows),
+        parameters=parameters,
         chosen=main.chosen or max((f.chosen for f in every), key=len),
         other_records=tuple(others),
     )

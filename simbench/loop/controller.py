@@ -147,7 +147,8 @@ def pid_numbers(c, Kc, Ti, Ts, pv0, lo, hi):
 
     # The schedule, the weights and the form
     points = np.array(c.schedule or [[0.0, 1.0]], dtype=float).T.copy()
-    b, weight = (default if value is None else value for value, default in ((c.b, 1.0), (c.c, 0.0)))
+    b = 1.0 if c.b is None else c.b
+    weight = 0.0 if c.c is None else c.c
     velocity = float(c.form == "velocity")
     on = float(SCHEDULED_ON.index(c.schedule_on or "pv"))
 

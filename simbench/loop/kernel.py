@@ -202,11 +202,9 @@ def compiled_where_possible(
             try:
                 return compiled(steps, stages, classes)(*arguments)
             except (NumbaError, UnsupportedBytecodeError) as error:
-                for step in (
-                    s
-                    for s in outside
-                    if Path(s.__code__.co_filename).parent != Path(__file__).parent
-                ):
+                for step in outside:
+                    if Path(step.__code__.co_filename).parent == Path(__file__).parent:
+                        continue
                     _plainly[step] = f"numba cannot compile it ({type(error).__name__})"
         return bind(steps, stages, classes)(*arguments)
 

@@ -107,9 +107,8 @@ def first_order_like(plant: Plant) -> Plant:
 
     # Mean and variance of its lags, by the polynomials
     den = np.array(plant.den[: -1 if plant.integrating else None])
-    (n1, n2), (d1, d2) = (
-        np.append([0.0, 0.0], side)[-2:-4:-1] / side[-1] for side in (plant.num, den)
-    )
+    (n1, n2) = np.append([0.0, 0.0], plant.num)[-2:-4:-1] / plant.num[-1]
+    (d1, d2) = np.append([0.0, 0.0], den)[-2:-4:-1] / den[-1]
     delay = d1 - n1
     spread = d1**2 - 2.0 * d2 - (n1**2 - 2.0 * n2)
 
@@ -132,9 +131,8 @@ def _like_of_samples(plant: Plant) -> Plant:
     if plant.integrating:
         den = np.cumsum(den)[:-1]  # without the pole at z = 1
     # of lags in samples: num holds lag 1 and later, den lag 0 and later
-    (delay, spread), (after, less) = (
-        _lag_moments(side, first) for side, first in ((num, 1), (den, 0))
-    )
+    (delay, spread) = _lag_moments(num, 1)
+    (after, less) = _lag_moments(den, 0)
     late = delay - after
     dt = float(plant.dt or 1.0)
     if plant.integrating:
@@ -161,7 +159,8 @@ def beyond_first_order(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]
     like = first_order_like(plant)
     if like is plant:
         return None
-    whole, alone = (sample(*polynomials(p), 0.0, Ts) for p in (plant, like))
+    whole = sample(*polynomials(plant), 0.0, Ts)
+    alone = sample(*polynomials(like), 0.0, Ts)
     a = np.poly(whole.A)
     b = np.poly(whole.A - np.outer(whole.B_new, whole.C)) - a
     pole = alone.A[0, 0]

@@ -342,11 +342,10 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
         tail = part(slice(end, None))
     else:
         tail = None
-    notes = [
-        why
-        for found in (setup.plant_plugin, setup.control_plugin)
-        if found and (why := kernel.runs_plainly(found[0].step))
-    ]
+    notes = []
+    for found in (setup.plant_plugin, setup.control_plugin):
+        if found:
+            notes += filter(None, [kernel.runs_plainly(found[0].step)])
     loads = setup.load_in[first:], setup.load_out[first:]
     run = Run(
         part(slice(first, end), setup.loop.archive),

@@ -188,9 +188,9 @@ class _Search:
 
         # The valves to begin with, and one search for each
         low, count = self.window(ends.d.ravel(), reach)
-        maps, start, share = (
-            np.full(shape, x).ravel() for x in (_MAPS, ends.start, np.divide(least, width))
-        )
+        maps = np.full(shape, _MAPS).ravel()
+        start = np.full(shape, ends.start).ravel()
+        share = np.full(shape, np.divide(least, width)).ravel()
         begin = Valves(maps, *points.T[:2].copy(), start, pole, self.delays[low], count)
         quick(descend, errors)(self.stretch, begin, points, steps, share, error)
 
@@ -226,7 +226,8 @@ def fit_hammerstein(
     positions J and the plant's gain trade off: `J_range` is then wide. Not for loops whose PV is
     moved by disturbances more than by the valve: `error` is then large.
     """
-    short, full = (_Search(op, pv, period, limits, reach) for reach in (SHORT, _FULL))
+    short = _Search(op, pv, period, limits, SHORT)
+    full = _Search(op, pv, period, limits, _FULL)
     if integrating:
         poles = np.array([1.0])
     else:
@@ -256,7 +257,11 @@ def _fit_best_map(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     tried = tried[_ROWS, which, column]
     at = at[_ROWS, which, column]
     kept = _distinct_best(tried, S, J, 4)
-    S, J, tried, which, at = (x[_ROWS, kept] for x in (S, J, tried, which, at))
+    S = S[_ROWS, kept]
+    J = J[_ROWS, kept]
+    tried = tried[_ROWS, kept]
+    which = which[_ROWS, kept]
+    at = at[_ROWS, kept]
     ends = _improve_plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
     # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent
     # does not
@@ -379,7 +384,11 @@ def _restart_ends(
     # a whole group shares its window of delays
     tried = np.resize(starts, (column.size, VALVES_SIDE_BY_SIDE))
     low, count = search.window(ends.d, reach)
-    S, J, pole, low, count = (x[..., None] for x in (ends.S, ends.J, ends.pole, low, count))
+    S = ends.S[..., None]
+    J = ends.J[..., None]
+    pole = ends.pole[..., None]
+    low = low[..., None]
+    count = count[..., None]
     error, _ = search.scan(_MAPS[:, None], S, J, tried, pole, low, count)
     k = error.argmin(axis=2)
     return ends._replace(error=error[_ROWS, column, k], start=tried[column, k])
@@ -411,10 +420,9 @@ def _ranges_of_sizes(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarr
         + _LEAST_ERROR_SHARE
     )
     inside = tried.error <= least
-    S, J, inside = (
-        np.concatenate(x, axis=1)
-        for x in ((tried.S, best.S), (tried.J, best.J), (inside, inside[:, :1]))
-    )
+    S = np.concatenate((tried.S, best.S), axis=1)
+    J = np.concatenate((tried.J, best.J), axis=1)
+    inside = np.concatenate((inside, inside[:, :1]), axis=1)
     return S, J, inside
 
 

@@ -158,7 +158,8 @@ class _Data(NamedTuple):
         found = self.shifted @ v
         # by dead time: the first position of each window, which came with it, and the one behind
         # its last, which went
-        came, went = (v[:, end - 1 - np.arange(_LATE + 1)] for end in (first, count))
+        came = v[:, first - 1 - np.arange(_LATE + 1)]
+        went = v[:, count - 1 - np.arange(_LATE + 1)]
         along = self.weights @ self._sum_products(found, came, went)
         own = came**2 - went**2
         next_to = came[:, :-1] * came[:, 1:] - went[:, :-1] * went[:, 1:]
@@ -220,12 +221,14 @@ def _prepare_averages(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _
     rests.
     """
     n = op.size // q
-    u, y = (x[: n * q].reshape(n, q).mean(axis=1) for x in (op, pv))
+    u = op[: n * q].reshape(n, q).mean(axis=1)
+    y = pv[: n * q].reshape(n, q).mean(axis=1)
     past = min(_PAST, n // _PER_NUMBER - _FEWEST)
     first = max(past, _LATE) + 1
     if past < _FEWEST or not all(_moves_at_all(x) for x in (u, y)):
         return None
-    u, y = ((x - x.mean()) / x.std() for x in (u, y))
+    u = (u - u.mean()) / u.std()
+    y = (y - y.mean()) / y.std()
     lags = [np.ones(n - first)] + [y[first - k : n - k] for k in range(1, past + 1)]
     lags = np.array(lags + [u[first - k : n - k] for k in range(1, _LATE + 1) if beside])
     basis, weights = _orthonormal_rows(lags, 1 + past)

@@ -231,7 +231,8 @@ def headline(row: dict[str, Any]) -> str:
     if row["what"] not in _CLAUSES:
         return sentence(row)
     clause, counts_others = _CLAUSES[row["what"]]
-    now, before = (100.0 * (1.0 - x if counts_others else x) for x in (row["now"], row["before"]))
+    now = 100.0 * (1.0 - row["now"] if counts_others else row["now"])
+    before = 100.0 * (1.0 - row["before"] if counts_others else row["before"])
     if pd.isna(row["lost"]):
         cases = ""
     else:

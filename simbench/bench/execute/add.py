@@ -325,7 +325,9 @@ def _write_joined_run(
         shutil.copytree(sources, into / SOURCES, dirs_exist_ok=True)
 
     # All methods, the oracle last
-    new = {name: about for addition in additions for name, about in addition.about.items()}
+    new = {}
+    for addition in additions:
+        new |= addition.about
     about = {**stated["methods"], **new}
     methods = sorted(about, key=lambda name: name == ORACLE)  # last, as where it is asked at once
 

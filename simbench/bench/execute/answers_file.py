@@ -91,7 +91,8 @@ def read_answers(file: str | Path, records: Collection[str]) -> Answers:
             score = _read_number(row["score"], where, "score")
         else:
             score = math.nan
-        S, J = (_read_level(row[name], where, name) for name in ("S", "J"))
+        S = _read_level(row["S"], where, "S")
+        J = _read_level(row["J"], where, "J")
         answers.setdefault(method, {})[record] = Verdict(
             method, row["verdict"], score, S=S, J=J, reason="as answered"
         )

@@ -9,6 +9,7 @@ import json
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, fields
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -155,7 +156,7 @@ def finish(folder: Path, receipts: Sequence[Receipt], manifest: dict[str, Any]) 
     scores.
     """
     # every piece that a worker wrote is here
-    for number, kind in ((r.piece, kind) for r in receipts for kind in TABLE_KINDS):
+    for number, kind in product((r.piece for r in receipts), TABLE_KINDS):
         if not (folder / partition_file(kind, number)).exists():
             raise RunError(
                 f"{folder} lacks {partition_file(kind, number)}, which a worker wrote; name a"

@@ -131,7 +131,8 @@ def _transfer_function(setup: Setup) -> tuple[np.ndarray, np.ndarray, int]:
         A = np.atleast_2d(sampled.A)
         C = np.reshape(sampled.C, (1, -1))
         a = np.poly(A)
-        new, old = (np.poly(A - np.outer(B, C)) - a for B in (sampled.B_new, sampled.B_old))
+        new = np.poly(A - np.outer(sampled.B_new, C)) - a
+        old = np.poly(A - np.outer(sampled.B_old, C)) - a
         b = np.append(new, 0.0) + np.append(0.0, old)
         delay = sampled.delay
     size = max(b.size, a.size, 2)

@@ -178,7 +178,8 @@ def draw_maps(rates: pd.DataFrame, axis: str) -> Figure:
     """
     # the cells of every map, and a figure that has room for them
     methods = list(dict.fromkeys(rates["method"]))
-    down, across = (list(dict.fromkeys(rates[name])) for name in (_BAND, axis))
+    down = list(dict.fromkeys(rates[_BAND]))
+    across = list(dict.fromkeys(rates[axis]))
     deep = -(-len(methods) // _SIDE)
     size = (_SIDE * (0.9 + 0.55 * len(across)), deep * (0.9 + 0.42 * len(down)) + _BAR)
     figure = Figure(figsize=size, layout="constrained")
@@ -190,9 +191,8 @@ def draw_maps(rates: pd.DataFrame, axis: str) -> Figure:
     image = None
     for axes, method in zip(panels, methods, strict=False):
         mine = rates[rates.method == method].pivot(index=_BAND, columns=axis)
-        shares, n = (
-            mine[name].reindex(index=down, columns=across).to_numpy() for name in ("accuracy", "n")
-        )
+        shares = mine["accuracy"].reindex(index=down, columns=across).to_numpy()
+        n = mine["n"].reindex(index=down, columns=across).to_numpy()
         few = n < LEAST
         alpha = np.where(few, _PALE, 1.0)
         image = axes.pcolormesh(edges[1], edges[0], shares, alpha=alpha, **look)

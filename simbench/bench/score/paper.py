@@ -103,7 +103,14 @@ def caption_along(scores: Any, rates: pd.DataFrame, truth: str = "cycled") -> st
 def _of_loops(scores: Any, truth: str, population: str, loops: str) -> str:
     rows = scores.rows(truth, population=population)
     m = scores.manifest
-    n, positives = (int(rows[x].max()) if len(rows) else 0 for x in ("n", "positives"))
+    if len(rows):
+        n = int(rows["n"].max())
+    else:
+        n = 0
+    if len(rows):
+        positives = int(rows["positives"].max())
+    else:
+        positives = 0
     return (
         f"Detectors of valve stiction on grid {m['grid']}{benchmark_text(m)}, seed {m.get('seed')}:"
         f" {n} {loops}, {positives} positive (label {truth})"

@@ -93,7 +93,8 @@ def compared(
     `allowed` is what either may lose. A baseline that kept no S and J asks nothing.
     """
     # Both runs by the loops that they share
-    old, new = (estimates(book) for book in (before, now))
+    old = estimates(before)
+    new = estimates(now)
     new["loop"] = new["loop"].map(dict(zip(pairs.now, pairs.before, strict=True)))
     keys = ["method", "parameter", "family"]
     ours = dict(list(new.groupby(keys)))

@@ -417,7 +417,10 @@ def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
         (["labels that disagree"] + lines_of(scores.disagreement)),
         wrap(where),
     )
-    return lines + [line for section in sections if section for line in ("", *section)]
+    for section in sections:
+        if section:
+            lines += [""] + section
+    return lines
 
 
 def _describe_resolution(scores: Any, truth: str, process: str) -> str:

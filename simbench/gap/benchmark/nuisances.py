@@ -80,7 +80,8 @@ def _lend_archive(loop: Loop, record: LoopRecord, source: Source, strength: floa
     lent = source.record
     table = {}
     for name, other in (("op", "pv"), ("pv", "op")):
-        real, own = (np.asarray(getattr(r, name), float) for r in (lent, record))
+        real = np.asarray(getattr(lent, name), float)
+        own = np.asarray(getattr(record, name), float)
         step = read_lattice(real, np.asarray(getattr(lent, other), float)).digits
         table[f"{name}_step"] = float(step * np.std(own) / (np.std(real) + _SMALLEST))
         held = np.diff(real) == 0.0

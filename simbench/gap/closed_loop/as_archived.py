@@ -24,7 +24,8 @@ def as_archived(
     ones.
     """
     # Every how many samples, and how late OP is written
-    op, pv = (x[:: situation.pace] for x in (op, pv))
+    op = op[:: situation.pace]
+    pv = pv[:: situation.pace]
     late = situation.law.late
     if late:
         op = np.append(np.repeat(op[0], late), op[:-late])

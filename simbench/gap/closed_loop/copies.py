@@ -224,7 +224,8 @@ def controller_of(law: Arx, Ts: float) -> dict[str, Any]:
     den = np.convolve(law.den, [1.0, -1.0])
     num = law.driven
     size = max(den.size, num.size)
-    den, num = (np.append(x, np.zeros(size - x.size)) for x in (den, num))
+    den = np.append(den, np.zeros(size - den.size))
+    num = np.append(num, np.zeros(size - num.size))
     return {"type": "tf", "num": num.tolist(), "den": den.tolist(), "dt": Ts}
 
 
@@ -360,7 +361,8 @@ def in_samples(plant: Plant, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     g = plants.sample(*plants.polynomials(plant), plant.Td, Ts)
     den = np.real(np.poly(g.A))
     late = np.zeros(g.delay)
-    new, old = (_numerator_over(g.A, B, g.C, den) for B in (g.B_new, g.B_old))
+    new = _numerator_over(g.A, g.B_new, g.C, den)
+    old = _numerator_over(g.A, g.B_old, g.C, den)
     return np.concatenate([late, np.append(new, 0.0) + np.append(0.0, old)]), den
 
 

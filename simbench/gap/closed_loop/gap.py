@@ -245,9 +245,8 @@ def measure(
     # features move together from record to record, which drawing them one by one would average away
     chance = [chance_of(runs[0], spread), chance_of(runs[2], spread)]
     for _ in range(_DRAWS):
-        before_, after_ = (
-            x[np.unique(rng.integers(0, len(x), len(x)))] for x in (runs[0], runs[2])
-        )
+        before_ = runs[0][np.unique(rng.integers(0, len(runs[0]), len(runs[0])))]
+        after_ = runs[2][np.unique(rng.integers(0, len(runs[2]), len(runs[2])))]
         keep = rng.integers(0, real.size, real.size)
         ruler = _measure_ruler([before_, runs[1], after_], least)
         far = np.minimum(

@@ -145,12 +145,13 @@ def shift_by_ramps(
     record in s, K of the plant. The controller moves OP against a ramp that it takes for PV.
     """
     per_unit = {"%/s": 1.0, "PV units/s": 1.0 / K}
-    return sum(
-        per_unit[unit] * half * float(p[name])
-        for e, p in effects.items()
-        for name in p
-        if (unit := getattr(EFFECTS[e].parameters.get(name), "unit", "")) in per_unit
-    )
+    total = 0.0
+    for e, p in effects.items():
+        for name in p:
+            unit = getattr(EFFECTS[e].parameters.get(name), "unit", "")
+            if unit in per_unit:
+                total += per_unit[unit] * half * float(p[name])
+    return total
 
 
 def _fitted_loads(

@@ -118,7 +118,8 @@ def _in_words(name: str, one: Compared, s: Situation) -> Remaining:
     where = ""
     if what == "band":
         edges = np.unique(np.geomspace(2, samples // 2 + 1, BANDS + 1).astype(int))
-        short, long = (samples * Ts / edges[int(number) - i] for i in (0, 1))
+        short = samples * Ts / edges[int(number) - 0]
+        long = samples * Ts / edges[int(number) - 1]
         where = f"{short:.3g} to {long:.3g} s"
     elif number:
         where = f"{int(number) * Ts:.3g} s"

@@ -122,9 +122,8 @@ class ClosedLoops:
 
         # Baseline and recalibrated loop, with the kick that the effects need
         if key not in self.arms:
-            before, again = (
-                self._simulate_under([], effects, plant) for plant in ("baseline", "fitted")
-            )
+            before = self._simulate_under([], effects, "baseline")
+            again = self._simulate_under([], effects, "fitted")
             if before is None:
                 raise RecordError(
                     "the baseline cannot be simulated with this record's set point: it runs away"

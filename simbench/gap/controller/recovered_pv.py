@@ -116,7 +116,8 @@ def hidden_law(
     unit = (np.arange(op.size) == 0).astype(float)
 
     def channels(forget: float) -> np.ndarray:
-        of_op, of_start = (lfilter([1.0], [1.0, -forget], x) for x in (drive, unit))
+        of_op = lfilter([1.0], [1.0, -forget], drive)
+        of_start = lfilter([1.0], [1.0, -forget], unit)
         return np.column_stack([_shift_columns(of_op, over), of_start])[exact]
 
     def misfit(log_wait: float) -> float:

@@ -226,11 +226,11 @@ def _add_proven(s: Situation, engine: Engine, by_mv: bool) -> Situation:
 
 def _effects_of_any_loop(s: Situation, candidates: Mapping[str, Candidate]) -> list[str]:
     """Return the effects that show what any loop does by itself, or that the baseline states."""
-    return [
-        e
-        for e, c in candidates.items()
-        if c.used and (e in s.stated or recogniser(e).ordinary(c.fit, s))
-    ]
+    ordinary = []
+    for e, c in candidates.items():
+        if c.used and (e in s.stated or recogniser(e).ordinary(c.fit, s)):
+            ordinary.append(e)
+    return ordinary
 
 
 def _split_candidates(
@@ -354,7 +354,10 @@ def _on_top_of(
     # what they bring; what OP and PV say by themselves holds beside the first effect, too
     brought = {}
     for e in others:
-        brought[e] = float(fits[e].log_likelihood_gain) if e in fits else nats[e]
+        if e in fits:
+            brought[e] = float(fits[e].log_likelihood_gain)
+        else:
+            brought[e] = nats[e]
     for row in rows:
         if row.source == ALONE and row.effect in fits and row.effect in brought:
             brought[row.effect] += row.nats

@@ -69,9 +69,12 @@ class Posterior:
         p = {}
         for e, v in self.probability.items():
             p[e] = max(v, _SMALLEST if is_friction(e) else 0.0)
-        friction, others = (
-            sum(v for e, v in p.items() if is_friction(e) == sticks) for sticks in (True, False)
-        )
+        friction = others = 0.0
+        for e, v in p.items():
+            if is_friction(e):
+                friction += v
+            else:
+                others += v
         by = {True: share / friction, False: (1.0 - share) / max(others, _SMALLEST)}
         return replace(self, probability={e: v * by[is_friction(e)] for e, v in p.items()})
 
@@ -102,7 +105,10 @@ class Posterior:
         kept = (1.0 - min(share, EDGE)) * both / others
         probability = {}
         for e, v in p.items():
-            probability[e] = v if is_friction(e) else kept * v
+            if is_friction(e):
+                probability[e] = v
+            else:
+                probability[e] = kept * v
         probability[UNKNOWN] = both - kept * others
         return replace(self, probability=probability, unknown_block=block)
 
@@ -167,7 +173,10 @@ def posterior(
     if not apart:
         share = sum(v for e, v in p.items() if is_friction(e))
         if not known:
-            share += sum(p[a] * x for a in pairs for e, x in pairs[a].items() if is_friction(e))
+            for a, others in pairs.items():
+                for e, x in others.items():
+                    if is_friction(e):
+                        share += p[a] * x
         share = min(max(share, 1.0 - EDGE), EDGE)
     if known:
         for e in others:

@@ -24,7 +24,8 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     else:
         T = 0.0
     # a sine slower than the record bends
-    bend, line = (kernels.plant(x, T, 0.0, 0.0) for x in (4.0 * t * (1.0 - t), t))
+    bend = kernels.plant((4.0 * t * (1.0 - t)), T, 0.0, 0.0)
+    line = kernels.plant(t, T, 0.0, 0.0)
     spec = base.spec.join(Spec(load_walk=True, channels=(bend, line)))
     if d.T > 0:
         size = float(np.std(d.y))

@@ -143,7 +143,8 @@ def without_repeats(record: LoopRecord) -> tuple[LoopRecord, int]:
     """Return a record without the scans that its archive took twice, as OP and PV repeat together
     and hardly ever alone, and how many these are.
     """
-    op, pv = (np.append(False, np.diff(x) == 0.0) for x in (record.op, record.pv))
+    op = np.append(False, np.diff(record.op) == 0.0)
+    pv = np.append(False, np.diff(record.pv) == 0.0)
     twice = op & pv
     count = int(twice.sum())
     if not 0 < count <= _SLIPS * record.n or int(op.sum() + pv.sum()) > 3 * count:

@@ -239,7 +239,8 @@ def friction_regressed(op: np.ndarray, pv: np.ndarray) -> Regressed:
 
 @lru_cache(maxsize=2)  # both kinds of plant, and the conclusion, ask about the same record
 def _regress_valves(op_bytes: bytes, pv_bytes: bytes) -> Regressed:
-    op, pv = (np.frombuffer(x) for x in (op_bytes, pv_bytes))
+    op = np.frombuffer(op_bytes)
+    pv = np.frombuffer(pv_bytes)
     swing = find_oscillation(op, pv, 1.0)
     if np.isfinite(swing.period_s):
         period = swing.period_s

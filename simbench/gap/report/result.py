@@ -361,7 +361,9 @@ class GapReport:
 
         # how far the gap shrinks
         if s is not None:
-            value, lo, hi = (100 * s[k] for k in ("value", "lo", "hi"))
+            value = 100 * s["value"]
+            lo = 100 * s["lo"]
+            hi = 100 * s["hi"]
             if value > 0:
                 removes = f"removes {value:.0f} %"
             else:

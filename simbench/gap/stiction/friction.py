@@ -356,7 +356,8 @@ def without_last_bits(record: LoopRecord) -> LoopRecord:
     """Return the record with OP, and with PV and SP, on a decimal grid a hundred millionth as fine
     as their range: what another unit or another addition rounds differently decides nothing.
     """
-    of_op, of_pv = (_GRID * _decade_of(x) for x in (record.op, record.pv))
+    of_op = _GRID * _decade_of(record.op)
+    of_pv = _GRID * _decade_of(record.pv)
     given = (("op", record.op, of_op), ("pv", record.pv, of_pv), ("sp", record.sp, of_pv))
     return replace(record, **{m: snapped(x, unit) for m, x, unit in given if x is not None})
 
@@ -407,7 +408,8 @@ def _likeliest_view(views: Sequence[Assessment]) -> Friction:
     at = {}
     for e in nats[0]:
         at[e] = int(np.argmax([n[e].sum() for n in nats]))
-    none, sticky = (nats[at[e]][e] for e in (None, FRICTION))
+    none = nats[at[None]][None]
+    sticky = nats[at[FRICTION]][FRICTION]
     gain = friction_nats(sticky, none)
     known = []
     for i, v in enumerate(views):
