@@ -131,7 +131,7 @@ def refuse_wrong_call(function: Callable, first: str, method: Method) -> None:
     try:
         inspect.signature(function).bind(None, **method.defaults())
     except TypeError:
-        form = ", ".join([first, *(["*"] * bool(method.thresholds)), *method.thresholds])
+        form = ", ".join([first] + ["*"] * bool(method.thresholds) + list(method.thresholds))
         signature = f"{getattr(function, '__name__', 'detect')}{inspect.signature(function)}"
         raise AnswerError(
             f"{signature} cannot be called with one record; the right form is: def detect({form})"

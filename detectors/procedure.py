@@ -386,7 +386,9 @@ class _Course:
         odds = BIAS[case]
         terms = []
         used = 0
-        for method in (*dict.fromkeys(e.method for e in EVIDENCE[case]), *WITNESSES[case]):
+        for method in tuple(dict.fromkeys(e.method for e in EVIDENCE[case])) + tuple(
+            WITNESSES[case]
+        ):
             self._ask_method(method)
 
         # Each index adds its log-odds

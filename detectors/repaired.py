@@ -112,7 +112,7 @@ def _without_wild(record: LoopRecord) -> LoopRecord:
     if record.op_percent is None and mended.op_percent is not None:
         # what the reader said about the unit of OP was about the wild samples
         said = tuple(note for note in said if not note.startswith("unit: OP runs from"))
-    return replace(mended, notes=(*said, *notes))
+    return replace(mended, notes=said + tuple(notes))
 
 
 def _find_outliers(x: np.ndarray) -> np.ndarray:

@@ -159,10 +159,10 @@ def cell_group(
             tuning = settings["tuning"]
         else:
             tuning = own["tuning"]
-        if tuning not in (*FOPTD_LAG, *ULTIMATE):
+        if tuning not in (tuple(FOPTD_LAG) + tuple(ULTIMATE)):
             raise SpecError(
                 f"{where}: tuning {tuning!r} is unknown,"
-                f" {suggestion(str(tuning), (*FOPTD_LAG, *ULTIMATE))}"
+                f" {suggestion(str(tuning), tuple(FOPTD_LAG) + tuple(ULTIMATE))}"
             )
         mine = {**settings, **own, "tuning": settings["tuning"]}
         valve = _valve_of(own["valve"].name, mine, where)

@@ -130,7 +130,7 @@ def make_grid(
             overrides[key] = value
         else:
             raise SpecError(
-                f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}"
+                f"{name}: cannot set {key!r}, {suggestion(key, GRID_KEYS + tuple(SETTINGS))}"
             )
     if isinstance(table.get("block"), list):
         blocks = table["block"]
@@ -159,7 +159,7 @@ def make_grid(
             key.partition(".")[0] not in Loop.model_fields or "." not in key
         ):
             raise SpecError(
-                f"{name}: cannot set {key!r}, {suggestion(key, (*GRID_KEYS, *SETTINGS))}"
+                f"{name}: cannot set {key!r}, {suggestion(key, GRID_KEYS + tuple(SETTINGS))}"
             )
     grid = Grid(name, content, overrides)
     refuse_mistakes(grid, most_cells)

@@ -131,7 +131,7 @@ def _find_mistakes(content: Any) -> Iterator[str]:
         for member in block.member:
             at = f"{where}member {member.name!r}: "
             words = {
-                "tuning": (SAME, *FOPTD_LAG, *ULTIMATE),
+                "tuning": (SAME,) + tuple(FOPTD_LAG) + tuple(ULTIMATE),
                 "disturbance": known["disturbance"],
                 "echo": ECHOES,
             }

@@ -145,7 +145,7 @@ class GridFile(TomlTable):
 
         # Every axis and draw is a setting, or a key of the loop
         for block in self.block:
-            for key in (*self.draw, *block.axes, *block.draw):
+            for key in tuple(self.draw) + tuple(block.axes) + tuple(block.draw):
                 if key not in SETTINGS and not is_of_loop(key):
                     raise ValueError(
                         f"block {block.name!r}: unknown axis {key!r}, {suggestion(key, SETTINGS)}"

@@ -368,7 +368,7 @@ def _make_record(
     about["meta"] = {**meta, **about.get("meta", {})}
     _take_span(table, roles, about)
     record = LoopRecord(Ts=step, **even, **about)
-    return replace(record, notes=(*table.notes, *_check_spans(record, where)))
+    return replace(record, notes=tuple(table.notes) + tuple(_check_spans(record, where)))
 
 
 def _find_automatic(modes: np.ndarray, notes: list[str]) -> slice:

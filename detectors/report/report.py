@@ -228,7 +228,7 @@ class Report:
             {"record": name, "conclusion": "no record", "reason": why}
             for name, why in self.refused.items()
         ]
-        return [{**dict.fromkeys(_RANKED), **row} for row in (*rows, *refused)]
+        return [{**dict.fromkeys(_RANKED), **row} for row in tuple(rows) + tuple(refused)]
 
     def _ranked_lines(self) -> list[str]:
         lines = [("loop", "conclusion", "P(stiction)", "cause", "event")]

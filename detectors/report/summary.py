@@ -87,7 +87,7 @@ def notes_of(verdicts: Sequence[Verdict], record: LoopRecord | None = None) -> l
     for v in verdicts:
         clauses.update(list(dict.fromkeys(_split_clauses(v.reason))))
     least = max(2, (len(verdicts) + 1) // 2)
-    return [*(record.notes if record else ()), *(c for c, n in clauses.items() if n >= least)]
+    return list(record.notes if record else ()) + [c for c, n in clauses.items() if n >= least]
 
 
 def own_reason(verdict: Verdict, shared: Collection[str]) -> str:

@@ -218,7 +218,7 @@ def reads(verb: Callable[..., None]) -> Callable[..., None]:
     asked.__signature__ = signature.replace(
         parameters=[p for p in kept if p not in last] + added + last
     )  # pyright: ignore[reportAttributeAccessIssue]
-    asked.__annotations__ = {p.name: p.annotation for p in (*kept, *added)}
+    asked.__annotations__ = {p.name: p.annotation for p in tuple(kept) + tuple(added)}
     return asked
 
 

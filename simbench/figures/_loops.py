@@ -26,7 +26,7 @@ COLUMNS = {
 }
 # ratios that set a number beside another: the number, and what it is a multiple of
 _RATIOS = {"Td_over_T": ("Td", "T"), "Td_over_Ti": ("Td", "Ti"), "S_over_2J": ("J", "S")}
-SETTABLE = (*COLUMNS, *_RATIOS)
+SETTABLE = tuple(COLUMNS) + tuple(_RATIOS)
 _MOST_LISTED = 4  # different values of a number, beyond which the line shows their range
 
 

@@ -130,7 +130,7 @@ def data() -> pd.DataFrame:
         printed = "limit cycles" if TABLE_11_3[key] else "no limit cycles"
         why = "; ".join(f"{n} x {condition}" for condition, n in check.disagreements.items())
         counts = check.loops, check.exist, check.reached, why
-        rows.append([*key, printed, *counts, sum(map(cycles, grid)), len(grid)])
+        rows.append(list(key) + [printed] + list(counts) + [sum(map(cycles, grid)), len(grid)])
     names = (
         "process controller nonlinearity table loops exist reached disagreements cycled simulated"
     )

@@ -104,7 +104,7 @@ def diagnose_files(
         beside = columns_beside(Path(wanted.write_loop))
     refuse_own_input(
         [wanted.html, wanted.write_loop, beside, wanted.picture],
-        [*records, baseline, *healthy],
+        list(records) + [baseline] + list(healthy),
     )
     if wanted.picture is not None:
         picture_kind(wanted.picture)
@@ -127,7 +127,7 @@ def diagnose_files(
         for record in read:
             for note in record.notes:
                 assumed.append(note)
-        report = replace(report, notes=tuple(dict.fromkeys([*report.notes, *assumed])))
+        report = replace(report, notes=tuple(dict.fromkeys(list(report.notes) + assumed)))
         if wanted.write_loop is not None:
             _write_loop(report, Path(wanted.write_loop), [str(p) for p in records], baseline)
         if wanted.picture is not None:

@@ -150,7 +150,7 @@ def diagnose_all(
         assessment, loops = _assess_all(records, baseline, jobs, ordinary, seed)
         kind = ClosedLoops if assessment.situation.stated_parts else IdentifiedLoops
         found = report(assessment, weigh_evidence(assessment), kind(assessment, seed), loops)
-    return replace(found, notes=(*found.notes, *said))
+    return replace(found, notes=found.notes + tuple(said))
 
 
 def conclude(
@@ -221,7 +221,7 @@ def _assess_one(
     refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
     record, of_mv = as_believed(record)
     loop, given, completions = complete_baseline(record, baseline)
-    completions = [*completions, *of_mv]
+    completions = completions + list(of_mv)
     if ordinary is not None:
         completions = completions + [ordinary.note(loop, record.duration)]
         loop = ordinary.stated_in(loop, record.Ts)

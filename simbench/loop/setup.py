@@ -103,7 +103,7 @@ def _load_part(
 ) -> Any:
     if part.type in built_in:
         return None
-    known = (*built_in, *folder.names())
+    known = built_in + tuple(folder.names())
     if part.type not in known:
         raise UnknownName(folder.kind, part.type, known)
     module = folder.load(part.type)

@@ -148,7 +148,7 @@ def check_books(
         changed = set(every["method"])
     else:
         changed = set()
-    unseen = (*unseen_losses(tests, basis, changed), *untold)
+    unseen = tuple(unseen_losses(tests, basis, changed)) + tuple(untold)
     tests = tests.drop(columns="may_fall")
 
     # in words

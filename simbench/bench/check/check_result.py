@@ -84,13 +84,17 @@ class Check:
     def reasons(self) -> list[str]:
         """What failed or could not be seen, one sentence each."""
         worse = self.tests[self.tests["worse"]].to_dict("records")
-        return [*self.problems, *(sentence(row) for row in worse), *self.unseen]
+        return list(self.problems) + [sentence(row) for row in worse] + list(self.unseen)
 
     def as_text(self) -> str:
         """Return what fell, by how much, then the rule, the rates that moved and the scenarios that
         flipped: what fits a screen.
         """
-        found = [*map(headline, _worse_methods(self.tests)), *self.problems, *self.unseen]
+        found = (
+            list(map(headline, _worse_methods(self.tests)))
+            + list(self.problems)
+            + list(self.unseen)
+        )
         head = f"{self.result}: {found[0] if found else 'no detector became worse'}."
         shown = found[1 : _SCREEN["reasons"]]
         more = len(found) - 1 - len(shown)

@@ -247,7 +247,7 @@ def _refuse_known(
 ) -> None:
     """Refuse answers of a method that the run has, or that another file has."""
     there = {}
-    for name in (*stated["methods"], *asked):
+    for name in tuple(stated["methods"]) + tuple(asked):
         there[name] = str(folder)
     for file, answers in given:
         for name in answers:

@@ -140,7 +140,7 @@ def _read_rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
             f"{file}, line 1: the columns are {', '.join(header)[:200]}; needed:"
             f" {', '.join(_NEEDED)} and, if wanted, {', '.join(_OPTIONAL)}"
         )
-    table = table.fillna("").reindex(columns=[*_NEEDED, *_OPTIONAL], fill_value="")
+    table = table.fillna("").reindex(columns=list(_NEEDED) + list(_OPTIONAL), fill_value="")
     if separator != ",":
         sizes = list(_OPTIONAL)
         table[sizes] = table[sizes].apply(lambda cells: cells.str.replace(",", "."))

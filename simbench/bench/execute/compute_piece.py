@@ -236,7 +236,7 @@ def _judge_scenario(
 ) -> tuple[Prepared | None, list[Answer]]:
     """Return the record of a scenario as methods saw it, and what each of them said."""
     if it.run is None:
-        methods = (*chosen, *([ORACLE] * oracle))
+        methods = tuple(chosen) + tuple([ORACLE] * oracle)
         failed = [Verdict(m, NO_DECISION, reason=f"failed: {it.error}") for m in methods]
         return None, [Answer(verdict, it.error, 0.0) for verdict in failed]
     JUDGING["record"] = f"scenario {it.ident}"

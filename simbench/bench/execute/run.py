@@ -243,7 +243,7 @@ def _plugin_files(options: RunOptions) -> tuple[tuple[str, ...], tuple[tuple[str
 def choose_with_oracle(methods: Iterable[str], added: Sequence[str]) -> list[str]:
     """Return the ids of all methods that judge: those asked for, the plug-ins', then the oracle."""
     asked = split_names(methods)
-    names = choose_methods([*(m for m in asked if m != ORACLE), *added])
+    names = choose_methods([m for m in asked if m != ORACLE] + list(added))
     return names + [ORACLE] * (ORACLE in asked)  # last, as it is judged last
 
 

@@ -73,7 +73,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     book = with_shipped(book).without_copies()
     reference = reference_answers(book)
     failing = failing_methods(book, allow_failed)
-    everyone = [*answers_of(book), *reference]
+    everyone = list(answers_of(book)) + reference
     answers = long_table(everyone)
     # what the classifier says is not known where a run was stored without what it sees
     if reference:

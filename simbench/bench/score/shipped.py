@@ -121,6 +121,6 @@ def with_shipped(book: RunArrays) -> RunArrays:
             "methods": {**book.manifest["methods"], **about},
             UNLIKE: int((~pairs.same).sum()),
         },
-        methods=(*book.methods, *names),
+        methods=book.methods + tuple(names),
         **{name: beside(name, value) for name, value in absent.items()},
     )

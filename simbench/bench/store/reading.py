@@ -130,7 +130,7 @@ def _parts_for_arrays(
 ) -> Iterator[pa.Table]:
     """Yield what of a table's files is read into arrays."""
     coded, others = _COLUMNS[kind]
-    return table_parts(folder, kind, manifest, (*coded, *others, *more), coded)
+    return table_parts(folder, kind, manifest, tuple(coded) + tuple(others) + more, coded)
 
 
 def read_scenario(path: str | Path, scenario_id: str) -> Scenario:

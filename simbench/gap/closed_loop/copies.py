@@ -398,7 +398,7 @@ def _stable_models(
             inputs = max(last - first + 1, 0)
         else:
             inputs = 0
-        columns = [*range(past), *range(most_past, most_past + inputs), X.shape[1] - 1]
+        columns = list(range(past)) + list(range(most_past, most_past + inputs)) + [X.shape[1] - 1]
         b = solve_least_squares(R[:, columns], R[:, -1])
         if past and np.abs(np.roots(np.append(1.0, -b[:past]))).max() >= 1.0:
             continue

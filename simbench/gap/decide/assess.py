@@ -377,4 +377,4 @@ def unknowns_of(assessment: Assessment) -> list[Left]:
         facts.append(("sensor", f"PV does not change for {s.samples.held} samples"))
     if assessment.mv_unexplained:
         facts.append(("valve", "MV strays from OP as no known valve makes it"))
-    return [*(Left(float(EDGE), block, why) for block, why in facts), *assessment.tests]
+    return [Left(float(EDGE), block, why) for block, why in facts] + list(assessment.tests)

@@ -201,7 +201,7 @@ def posterior(
     out = Posterior(p, block)
     if apart:
         return out.with_friction(share)
-    sticks = any(map(is_friction, (*nats, *beside)))
+    sticks = any(map(is_friction, tuple(nats) + tuple(beside)))
     if not sticks:
         return out
     # where something is unknown, friction is what OP and PV show of it by themselves

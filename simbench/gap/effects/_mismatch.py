@@ -39,7 +39,6 @@ def times(engine: Engine) -> list[float]:
 def dead_times(engine: Engine) -> list[float]:
     """Return dead times to begin from (samples)."""
     d = engine.data
-    return [
-        *np.linspace(0.0, d.Td, 5)[:-1],
-        *(d.Td + np.geomspace(0.25, 6.0, 12) * max(d.Td, 0.3 * d.T, 2.0)),
-    ]
+    return list(np.linspace(0.0, d.Td, 5)[:-1]) + list(
+        d.Td + np.geomspace(0.25, 6.0, 12) * max(d.Td, 0.3 * d.T, 2.0)
+    )

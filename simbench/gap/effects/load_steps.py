@@ -52,7 +52,7 @@ def _add_jumps(engine: Engine, base: Fit) -> Fit:
         places, height = _find_jumps(engine, best)
         better = best
         while places and better is best:
-            trial = base.spec.join(Spec(jumps=(*best.spec.jumps, *places)))
+            trial = base.spec.join(Spec(jumps=best.spec.jumps + tuple(places)))
             start = {"load_jump": height, **best.theta, "load": _LEFT * best.theta["load"]}
             # the base had bent its plant around the jumps
             one = _prune_jumps(

@@ -23,7 +23,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
 
 def by_mv(search: MapSearch) -> MapFit:
     """Scan the ratio on both sides of 1."""
-    ratios = (*np.geomspace(0.01, 0.8, 12), *np.geomspace(1.25, 100, 12))
+    ratios = tuple(np.geomspace(0.01, 0.8, 12)) + tuple(np.geomspace(1.25, 100, 12))
     return search.zoom(kernels.CURVE, ("R",), [(r, 0.0) for r in ratios], 1.0)
 
 

@@ -78,7 +78,7 @@ def with_card(s: Seen, archive: Archive) -> Seen:
     if abs(s.law.step - _DECIMAL) < _ROUND * _DECIMAL:
         cards.append(Part(name="op_quantisation", parameters={"step": _DECIMAL}))
     cards = [card for card in cards if card.name not in stated]
-    return replace(s, baseline=s.baseline.replace(effect=(*s.baseline.effect, *cards)))
+    return replace(s, baseline=s.baseline.replace(effect=s.baseline.effect + tuple(cards)))
 
 
 def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:

@@ -182,7 +182,7 @@ class Engine:
             # and a valve that holds may stand anywhere in its band until it first moves
             inputs.append(d.shaped((moved == moved[0]).cumprod().astype(float)))
         g, *begin = kernels.plants(np.array(inputs), T, theta["Td"], tau)
-        return np.array([y - d.y[0], g, *self.base_channels, *begin, *spec.channels])
+        return np.array([y - d.y[0], g] + list(self.base_channels) + begin + list(spec.channels))
 
     def _whiten_channels(
         self, spec: Spec, theta: Mapping[str, float], channels: np.ndarray
@@ -433,7 +433,9 @@ class Engine:
         # a scan ranks maps without the walks
         model = model._replace(load_walk=0.0, walk=0.0)
         onset = kernels.plant(self.onset, model.T, Td, model.tau)
-        channels = np.vstack([d.y - d.y[0], *self.base_channels, onset, *spec.channels])
+        channels = np.vstack(
+            [d.y - d.y[0]] + list(self.base_channels) + [onset] + list(spec.channels)
+        )
         jumps = jumps_of(spec, theta)
         white, log_var = kernels.whiten(channels, model, jumps)
         white[:, : kernels.SKIP] = 0.0

@@ -202,7 +202,7 @@ def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause
     """
     swing = prepared.oscillation
     sticks = loops.sticky is not None and loops.probability > LIKELIER
-    every = [*loops.healthy, *([loops.sticky] if loops.sticky is not None else [])]
+    every = list(loops.healthy) + ([loops.sticky] if loops.sticky is not None else [])
     known = margins_among(every[-1] if sticks else every[0], every)
     if not swing.sustained:
         return _without_line(known, prepared, "the loop does not swing", 0.0)

@@ -127,7 +127,7 @@ def scale_of(search: MapSearch, fitted: tuple[float, float] | None) -> tuple[Sca
     part = max(parts, key=lambda here: float(np.abs(np.diff(mv[here])).sum()))
     grid = [(S, S * j, S * b) for S, j, b in product(_BANDS * float(np.ptp(op)), _SHARES, _STARTS)]
     near = _refine_lowest(op[part], mv[part], np.array(grid), 2 * _KEPT)
-    valves = [(0.0, 0.0), *(() if fitted is None else (fitted,)), *near[:, :2]]
+    valves = [(0.0, 0.0)] + list(() if fitted is None else (fitted,)) + list(near[:, :2])
     # where MV stands when the record begins is another number than in its part
     begun = np.array([(S, J, S * b) for S, J in valves for b in _STARTS + _NEARER])
     left, gain, offset = min(_scale_to_mv(op, mv, x) for x in _refine_lowest(op, mv, begun, _KEPT))

@@ -131,7 +131,9 @@ class Vocabulary(Mapping[str, Effect]):
 
     @cached_property
     def _describe_all(self) -> dict[str, Effect]:
-        names = self._only or [*ORDER, *(name for name in PLUGINS.names() if name not in ORDER)]
+        names = self._only or (
+            list(ORDER) + [name for name in PLUGINS.names() if name not in ORDER]
+        )
         return {name: _describe_effect(PLUGINS.load(name)) for name in names}
 
 
