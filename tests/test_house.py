@@ -15,7 +15,16 @@ import pytest
 from numpydoc.hooks.validate_docstrings import parse_config
 from numpydoc.validate import validate
 
-from tests.common.habits import PRODUCT, places, product_trees, statements
+from tests.common.habits import (
+    MOST,
+    MOST_BARE,
+    MOST_OF_ONE_WORD,
+    PRODUCT,
+    counted,
+    places,
+    product_trees,
+    statements,
+)
 
 ROOT = Path(__file__).parents[1]
 PLUGINS = ["detectors/methods", "simbench/gap/effects", "simbench/figures"]
@@ -107,3 +116,11 @@ def test_a_loop_becomes_a_table_at_the_border_alone():
     }
     found = places("a loop edited as a table", trees())
     assert {place.partition(":")[0] for place in found} <= border
+
+
+def test_a_body_has_paragraphs_and_a_statement_states_one_fact():
+    numbers = counted(trees())
+    assert numbers["bare"] <= MOST_BARE
+    assert numbers["one word"] <= MOST_OF_ONE_WORD
+    for habit, (_, most) in MOST.items():
+        assert numbers[habit] <= most, habit

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -90,8 +91,79 @@ def statements(trees: Trees) -> int:
     return sum(isinstance(node, ast.stmt) for tree in trees.values() for node in ast.walk(tree))
 
 
+# per 1000 statements
+MOST: dict[str, tuple[tuple[type[ast.AST], ...], float]] = {
+    "conditional expressions": ((ast.IfExp,), 25.0),
+    "comprehensions": ((ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp), 35.0),
+    "starred": ((ast.Starred,), 10.0),
+}
+# shares of functions
+MOST_BARE = 0.15  # of those whose body has 15 lines and more: no blank line, no comment
+MOST_OF_ONE_WORD = 0.15  # of private ones
+LONG = 15  # lines of a body
+
+
+def counted(trees: Trees) -> dict[str, float]:
+    """Return how often each habit of `MOST` occurs per 1000 statements, and the two shares."""
+    total = max(statements(trees), 1)
+    found: Counter[str] = Counter()
+    for tree in trees.values():
+        for node in ast.walk(tree):
+            for habit, (kinds, _) in MOST.items():
+                found[habit] += isinstance(node, kinds)
+    numbers = {habit: 1000 * found[habit] / total for habit in MOST}
+    long = []
+    private = []
+    for name, tree in trees.items():
+        lines = (ROOT / name).read_text("utf-8").splitlines()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef):
+                private += [node.name] if is_private(node.name) else []
+                long += [has_paragraphs(node, lines)] if length_of(node) >= LONG else []
+    one_word = [name for name in private if "_" not in name.strip("_")]
+    numbers["bare"] = 1 - sum(long) / max(len(long), 1)
+    numbers["one word"] = len(one_word) / max(len(private), 1)
+    return numbers
+
+
+def is_private(name: str) -> bool:
+    """Return whether a name begins with one underscore."""
+    return name.startswith("_") and not name.startswith("__")
+
+
+def body_of(node: ast.FunctionDef) -> list[ast.stmt]:
+    """Return the statements of a function without its docstring."""
+    return node.body[1:] if ast.get_docstring(node) is not None else node.body
+
+
+def length_of(node: ast.FunctionDef) -> int:
+    """Return the number of lines of a function's body without its docstring."""
+    body = body_of(node)
+    return body[-1].end_lineno - body[0].lineno + 1 if body else 0
+
+
+def has_paragraphs(node: ast.FunctionDef, lines: Sequence[str]) -> bool:
+    """Return whether a blank line or a comment stands in a function's body, or above its first
+    statement.
+    """
+    first = body_of(node)[0].lineno - 1
+    while first > node.lineno and lines[first - 1].strip().startswith(("#", "@")):
+        first -= 1
+    inside = [line.strip() for line in lines[first : node.end_lineno]]
+    return any(not line or line.startswith("#") for line in inside)
+
+
+def rooms_of(trees: Trees) -> dict[str, Trees]:
+    """Return the trees of each room, and of all of them."""
+    rooms: dict[str, dict[str, ast.Module]] = {}
+    for name, tree in trees.items():
+        rooms.setdefault("/".join(name.split("/")[:2]).removesuffix(".py"), {})[name] = tree
+    folders = {room: own for room, own in rooms.items() if (ROOT / room).is_dir()}
+    return folders | {"all": trees}
+
+
 def main() -> None:
-    """Print the counts, and with a word of a habit its places."""
+    """Print the counts, by room and in the whole, and with a word of a habit its places."""
     trees = product_trees()
     total = statements(trees)
     for habit in HABITS:
@@ -99,6 +171,12 @@ def main() -> None:
         print(f"{habit}: {len(found)}, {1000 * len(found) / total:.1f} per 1000 statements")
         if any(word in habit for word in sys.argv[1:]):
             print(*(f"  {place}" for place in found), sep="\n")
+    print("\nper 1000 statements, and shares of functions:")
+    for room, own in rooms_of(trees).items():
+        numbers = counted(own)
+        told = [f"{habit} {numbers[habit]:.0f}" for habit in MOST]
+        told += [f"bare {numbers['bare']:.0%}", f"one word {numbers['one word']:.0%}"]
+        print(f"{room:20s} {', '.join(told)}")
 
 
 if __name__ == "__main__":
