@@ -220,8 +220,8 @@ def _checked_cache() -> type:
     from numba.core.caching import IndexDataCacheFile
 
     class Checked(IndexDataCacheFile):
-        def _dump_with_hash(self, obj):
-            content = super()._dump_with_hash(obj)
+        def _dump(self, obj):
+            content = super()._dump(obj)
             return hashlib.sha256(content).digest() + content
 
         def load(self, key):
