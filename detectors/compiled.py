@@ -264,9 +264,12 @@ def _write_whole(path: Path, text: str) -> None:
     """Write a module that no other process ever sees half; its compiled kernels, of whatever text
     stood there, go.
     """
+    # Kernels compiled from an older text go
     for old in path.parent.glob(f"__pycache__/{path.stem}.*"):
         with contextlib.suppress(OSError):
             old.unlink()
+
+    # The text is on disk before it has its name
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.")
     try:
         with open(handle, "w", encoding="utf-8") as f:
@@ -381,6 +384,7 @@ def _describe_parts(parts: dict[str, Any]) -> list[str]:
     """One line per part; the constants of functions count too, which may come from a file that is
     not hashed.
     """
+    # Functions with the constants that they use, arrays written out
     lines = []
     for name, part in parts.items():
         if isinstance(part, FunctionType):

@@ -107,6 +107,7 @@ def _list_faults(module: ModuleType, path: Path) -> tuple[str, ...]:
 
 def _ask_detector(module: ModuleType, record: LoopRecord) -> Any:
     """Return what a detector answers; ValueError where it writes into the record."""
+    # The record as the method may see it, and a copy of its signals
     if module.METHOD.needs_mv:
         seen = record
     else:
@@ -116,6 +117,8 @@ def _ask_detector(module: ModuleType, record: LoopRecord) -> Any:
         signal = getattr(seen, name)
         if signal is not None:
             before[name] = np.array(signal)
+
+    # The answer, and whether the record is as it was
     answer = module.detect(Prepared(seen), **module.METHOD.defaults())
     for signal, values in before.items():
         if not np.array_equal(values, getattr(seen, signal), equal_nan=True):

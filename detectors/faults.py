@@ -39,10 +39,13 @@ def sentence_of(error: Exception, command: Sequence[str] = ()) -> str:
 
     Whoever answers for many records lists the sentence of one, and goes on with the others.
     """
+    # Errors that users cause say so themselves
     if isinstance(error, UserError):
         return str(error)
     if isinstance(error, MemoryError):
         return "not enough memory for this; ask for fewer samples or scenarios"
+
+    # What the operating system refuses
     if isinstance(error, OSError):
         kind = {
             NotADirectoryError: "; a folder is needed",
@@ -51,6 +54,8 @@ def sentence_of(error: Exception, command: Sequence[str] = ()) -> str:
         return f"{error.filename or 'output'}: {(error.strerror or str(error)).lower()}{kind}"
     if isinstance(error, RuntimeError) and str(error).startswith("Symlink loop"):
         return f"{error}; a path that leads to a file or folder is needed"
+
+    # Everything else is a fault of the program
     return _log_fault(error, command)
 
 

@@ -150,6 +150,7 @@ def refuse_wrong_forms(names: Iterable[str]) -> None:
 
 def check_thresholds(name: str, method: Method, chosen: Mapping[str, float]) -> dict[str, float]:
     """Return the method's thresholds with the chosen ones in their place."""
+    # Each chosen threshold is known, and within its bounds
     values = method.defaults()
     for key, value in chosen.items():
         if key not in values:

@@ -236,6 +236,7 @@ class Prepared:
 
         The front end's result holds for every view of a record.
         """
+        # A method may see the whole record, or the part that is judged; with MV or without
         whole = method.whole and (self.part is not None or self.step > 1)
         key = (whole, record.mv is None)
         if key not in self.views:

@@ -254,12 +254,15 @@ class _Course:
         self.J: Level = None
 
     def quality(self) -> tuple[str, str, str]:
+        # Flags that no method can cope with
         flags = self.prepared.flags
         bad = [f.evidence for name, f in flags.items() if name in UNFIT and name != "saturated"]
         if self.prepared.record.n < FEWEST:
             bad += [f"{self.prepared.record.n} samples; at least {FEWEST} are needed"]
         if bad:
             return "no", "; ".join(bad), "Such a record says nothing about its valve."
+
+        # Flags that are told
         other = [f.evidence for name, f in flags.items() if name not in UNFIT]
         return (
             "yes",

@@ -136,11 +136,14 @@ def _find_outliers(x: np.ndarray) -> np.ndarray:
 
 def _cut_frozen(record: LoopRecord) -> LoopRecord:
     """Return the longer part before or after a stretch in which PV and OP are frozen."""
+    # A stretch in which nothing moves, and that is not most of the record
     moves = (np.diff(record.pv) != 0.0) | (np.diff(record.op) != 0.0)
     stretch = frozen(np.append(0, np.cumsum(moves)))
     if stretch is None or stretch.end - stretch.begin > _MOST * record.n:
         return record
     begin, end, _ = stretch
+
+    # The longer part beside it
     if begin >= record.n - end:
         part = (0, begin)
     else:

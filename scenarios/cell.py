@@ -396,6 +396,7 @@ def _loop_table(s: Mapping[str, Any], where: str) -> dict[str, Any]:
 
 
 def _valve_of(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
+    # A sound valve, or sizes from S and the ratio
     if model == "ideal":
         return {"model": "ideal"}
     S = float(s["S"])
@@ -404,6 +405,8 @@ def _valve_of(model: str, s: Mapping[str, Any], where: str) -> dict[str, Any]:
         raise SpecError(
             f"{where}: S_over_2J = {ratio}; the sticky twin needs a number above 0, or inf"
         )
+
+    # Without slip jump it is a dead-band
     if math.isinf(ratio):
         if model == "choudhury":
             return {"model": "deadband", "S": S}

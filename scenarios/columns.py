@@ -140,8 +140,6 @@ def in_a_file(table: Mapping[str, Any], file: str) -> tuple[dict[str, Any], str]
         columns |= found
         if found:
             part |= {"file": file}
-        else:
-            part |= {}
     if not columns:
         return dict(table), ""
 

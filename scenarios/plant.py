@@ -284,11 +284,14 @@ def _read_plugin(
     """Return the table of a plug-in with its own parameters apart; what they share with the
     built-in parts counts as theirs.
     """
+    # The plug-in's own parameters
     own = {}
     for k, v in table.items():
         if k not in (common + ("parameters",)):
             own[k] = v
     own.update(table.get("parameters") or {})
+
+    # Those that a plain part has as well
     if "K" in default:
         wanted = ("K", "T")
     else:

@@ -136,11 +136,13 @@ class Sample(Grid):
         return replace(group, index=index, drafts=kept)
 
     def _yield_strata(self) -> Iterator[_Stratum]:
+        # A grid of one loop has one block and one member
         every = (Member(name="loop", valve=""),)
         blocks: Sequence[Any] = self.content.block or (None,)
         for (first, _), axes, block in zip(
             self._cells_of_blocks, self._axes_of_blocks, blocks, strict=True
         ):
+            # The values of each axis that the member is kept to
             for member in every if block is None else block.member:
                 allowed = []
                 for key, values in axes.items():

@@ -72,6 +72,7 @@ class Loop(TomlTable):
 
     @model_validator(mode="after")
     def _check_inner(self) -> Self:
+        # A loop alone may have steps
         if self.outer is None:
             return self
         if self.setpoint.steps:
@@ -79,6 +80,8 @@ class Loop(TomlTable):
                 "setpoint.steps: the set point of an inner loop is the outer OP; steps belong to"
                 " [outer.setpoint]"
             )
+
+        # The outer OP can ask for where PV rests
         lo, hi = self.outer.sp_span
         if not lo <= self.pv0 <= hi:
             raise ValueError(
@@ -284,11 +287,14 @@ class Loop(TomlTable):
 
 def _no_key(key: str, value: Any) -> str:
     """Return why a key names nothing of a loop, and what is meant."""
+    # No such section
     section, dot, _ = key.partition(".")
     if section not in Loop.model_fields:
         near = suggestion(section, Loop.model_fields)
         form = "" if dot else "; section.name is needed, such as valve.S"
         return f"unknown key {key!r}: no section {section!r}, {near}{form}"
+
+    # A section without a key, or a key without a section
     if dot:
         return f"key {key!r} names section {section} and no key of it; section.name is needed"
     fields = getattr(Loop.model_fields[section].annotation, "model_fields", {})

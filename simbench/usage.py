@@ -148,10 +148,13 @@ def add_options(command: Sequence[str], cure: str) -> str:
 
 def column_pairs(texts: Sequence[str] | None) -> dict[str, str] | None:
     """Return the columns that a command line names."""
+    # Several options, several pairs in each
     pairs: dict[str, str] = {}
     parts = []
     for text in texts or []:
         parts += re.split(r",(?=\s*\w+\s*=)", text)
+
+    # Each pair names a role once
     for part in parts:
         role, _, name = (word.strip() for word in part.partition("="))
         if not role or not name:

@@ -322,6 +322,7 @@ class LoopDiagnosis:
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as JSON types; NaN becomes null."""
+        # The procedure, and what the conclusion says in its place
         whole = self.procedure.as_json()
         concluded = self.conclusion
         told = ("verdict", "score", "conclusion", "reason", "next_test")

@@ -61,6 +61,7 @@ def detect(prepared: Prepared, *, gain_low: float, gain_high: float) -> Verdict:
     >>> detect(Prepared(LoopRecord(op, -pv, 1.0)), **METHOD.defaults()).verdict
     'stiction'
     """
+    # The best valve by regression, and what it gains
     record = prepared.record
     found = regression(record.op, record.pv, prepared.period)
     if not len(found.valves):
@@ -71,6 +72,8 @@ def detect(prepared: Prepared, *, gain_low: float, gain_high: float) -> Verdict:
     gain = found.gain
     indices = {"gain": found.gain, "S_hat": S, "J_hat": J}
     reason = f"a valve with S = {S:.2g} and J = {J:.2g} explains PV better by {gain:+.0f} nats"
+
+    # Enough gain is stiction, little is none
     if gain >= gain_high:
         return Verdict("arx_stiction", STICTION, gain, indices, S=S, J=J, reason=reason)
     answer = NO_STICTION if gain < gain_low else NO_DECISION

@@ -48,11 +48,14 @@ def side_distance(op: np.ndarray, mv: np.ndarray, moving: np.ndarray) -> float:
     The lines OP = a MV + b_up and a MV + b_down share the slope of the geometric mean regression
     within both groups.
     """
+    # Samples in which the valve moves up, and down
     step = np.diff(mv, prepend=mv[0])
     least = 1e-9 * float(np.ptp(mv))  # a valve at rest must not move by rounding
     sides = [moving & (step > least), moving & (step < -least)]
     if min(side.sum() for side in sides) < 3:
         return float("nan")
+
+    # The common slope of both sides, about their means
     means = [(op[side].mean(), mv[side].mean()) for side in sides]
     u = np.concatenate([op[side] - mean[0] for side, mean in zip(sides, means, strict=True)])
     v = np.concatenate([mv[side] - mean[1] for side, mean in zip(sides, means, strict=True)])
@@ -60,6 +63,8 @@ def side_distance(op: np.ndarray, mv: np.ndarray, moving: np.ndarray) -> float:
         slope = float(u.std() / v.std())
     else:
         slope = 0.0
+
+    # Their distance along OP
     (up_u, up_v), (down_u, down_v) = means
     return float((up_u - slope * up_v) - (down_u - slope * down_v))
 

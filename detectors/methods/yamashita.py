@@ -60,14 +60,19 @@ def pattern_indices(pair: np.ndarray) -> tuple[float, float, float]:
     """Return rho1, rho2 and rho3 of pairs of symbols, 3 OP + valve (0 decreasing, 1 steady, 2
     increasing); NaN when all are SS.
     """
+    # Pairs in which anything moves
     pair = pair[pair != SS]
     if pair.size == 0:
         return float("nan"), float("nan"), float("nan")
+
+    # Runs of equal pairs, and what follows each
     start = np.flatnonzero(np.concatenate([[True], pair[1:] != pair[:-1]]))
     length = np.diff(np.append(start, pair.size))
     run = pair[start]
     follower = np.append(pair[start][1:], -1)
     stuck, followed, unrelated = (length[counts[run, follower]].sum() for counts in _COUNTS)
+
+    # Shares of the time
     return (
         float(stuck / pair.size),
         float(followed / pair.size),

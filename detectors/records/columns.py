@@ -352,9 +352,7 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     stamped = _shows_time(table, "stamp")
     stamped = times or [name for name in stamped if name not in roles.values()]
     if stamped:
-        if times:
-            table.notes += []
-        else:
+        if not times:
             table.notes += [f"time: {stamped[0]!r} holds time stamps"]
         return stamped[0]
     clocks = _shows_time(table, "order")

@@ -76,6 +76,7 @@ def same_time(a: LoopRecord, b: LoopRecord) -> tuple[LoopRecord, LoopRecord] | N
     """Return the parts of two records that were recorded at the same time; None where there are
     none, or it is unknown.
     """
+    # One clock, and times of their starts
     if abs(a.Ts / b.Ts - 1) > 0.01:
         return None
     starts = [r.meta.get("start") for r in (a, b)]
@@ -83,6 +84,8 @@ def same_time(a: LoopRecord, b: LoopRecord) -> tuple[LoopRecord, LoopRecord] | N
         if a.n == b.n and starts[0] is starts[1]:
             return (a, b)
         return None
+
+    # What both cover
     late = round((starts[1] - starts[0]) / a.Ts)
     first = max(late, 0)
     second = max(-late, 0)

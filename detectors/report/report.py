@@ -231,6 +231,7 @@ class Report:
         return [{**dict.fromkeys(_RANKED), **row} for row in tuple(rows) + tuple(refused)]
 
     def _ranked_lines(self) -> list[str]:
+        # The most probable loops
         lines = [("loop", "conclusion", "P(stiction)", "cause", "event")]
         more = len(self.conclusions) - _MOST_LOOPS
         for row in self._rank_loops()[: min(len(self.conclusions), _MOST_LOOPS)]:
@@ -240,6 +241,8 @@ class Report:
                 p = f"{row[PROBABILITY]:.2f}"
             word = summary.CONCLUDED[row["conclusion"]]
             lines.append((row["record"], word, p, row["cause"], str(row["event"] or "")))
+
+        # How many more there are, and which files hold no record
         if more > 0:
             cut = [f"and {more} more loops: --csv FILE"]
         else:

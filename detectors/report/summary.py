@@ -65,8 +65,6 @@ def sentence(verdicts: Sequence[Verdict]) -> str:
     text += f"{count[NO_STICTION]} no stiction, {count[NO_DECISION]} no decision"
     if resting:
         text += f"; {resting} {_NOT_ASKED}"
-    else:
-        text += ""
     return text + (f"; {left_out} not applicable to this loop" if left_out else "")
 
 

@@ -85,12 +85,15 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     Source: as `oscillation_of`. Not for loops with two oscillations of like strength: band-pass the
     record first.
     """
+    # Both signals, the more regular one
     of_op, of_pv = oscillations_of(np.array([op, pv]), Ts)
     in_pv = (of_pv.sustained, of_pv.regularity) > (of_op.sustained, of_op.regularity)
     if in_pv:
         best = replace(of_pv, signal="pv")
     else:
         best = replace(of_op, signal="op")
+
+    # A valve that wanders between two places counts as well
     if best.sustained:
         at = None
     else:
@@ -273,6 +276,7 @@ def regular_segment(x: np.ndarray, period: float, length: int) -> tuple[int, int
     segments; here the normalised correlation with the signal one period later is compared over
     every start, in one pass. Not for length below two periods: nothing to compare.
     """
+    # The normalised product with itself one period later, over every stretch
     n = x.size
     lag = round(period)
     room = length - lag

@@ -65,6 +65,7 @@ def ranked_again(y, order, values, ranked):
 
     By insertion: from one iteration to the next a row changes its order a little only.
     """
+    # Insertion: the order of the last round is nearly right
     sorted_row = np.empty(values.size)
     for r in range(len(y)):
         for k in range(values.size):

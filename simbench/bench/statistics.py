@@ -147,6 +147,7 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
 
     DeLong's paired test (see `auc`), one-sided.
     """
+    # Placements of each score among the other class (DeLong 1988)
     positive = np.asarray(positive, dtype=bool)
     m = int(positive.sum())
     n = int((~positive).sum())
@@ -155,6 +156,8 @@ def auc_drop(before: ArrayLike, now: ArrayLike, positive: ArrayLike) -> float:
     change = []
     for a, b in zip(*(_placement_values(_nan_lowest(s), positive) for s in (before, now))):
         change.append(a - b)
+
+    # The mean change over its standard error
     drop = change[0].mean()
     variance = np.var(change[0], ddof=1) / m + np.var(change[1], ddof=1) / n
     if variance == 0.0:

@@ -270,8 +270,6 @@ def figure(
         lines.append(f"{row['id']}: {row['left_out'] or ', '.join(row['files'])}")
         if row["files"]:
             lines += [f"  {one.caption}"]
-        else:
-            lines += []
     show(rows if as_json else "\n".join(lines), as_json)
 
 

@@ -378,6 +378,7 @@ def wrap_lines(text: str) -> str:
     >>> wrap_lines("word " * 24).splitlines()[1]
     '  word word word word'
     """
+    # Short lines and tables stay; others are wrapped below their own margin
     lines = []
     for line in text.splitlines():
         if len(line) <= _COLUMNS or "  " in line.strip():

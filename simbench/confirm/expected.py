@@ -73,10 +73,13 @@ class Expected:
 
     def likelihood(self, before: Phase, after: Phase) -> float:
         """Return the likelihood of an observed change of a loop that oscillates before it."""
+        # The chance that the loop goes on
         on = self.changes[np.isfinite(self.changes[:, 0])]
         goes_on = (len(on) + 0.5) / (len(self.changes) + 1.0)
         if not after.goes_on:
             return 1.0 - goes_on
+
+        # The density of its change, about those that were simulated
         if len(on) > 2:
             spread = np.cov(on.T)
         else:

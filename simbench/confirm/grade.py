@@ -111,6 +111,7 @@ class _GradedTest:
 
     def as_text(self) -> str:
         """Return the test's outcome and one line per grade."""
+        # The test, then a row for every grade
         words = {True: "acceptable", False: "to be checked", None: "cannot tell"}
         lines = [
             self.test.as_text(),
@@ -155,12 +156,15 @@ def _grade_gain(loop: Loop, test: TravelTest, rest: int, last: int) -> _Grade:
 
 
 def _measure_hysteresis(loop: Loop) -> float:
+    # A full traverse up, down and up
     up = np.arange(0.0, 100.0 + _TRAVERSE / 2, _TRAVERSE)
     n = up.size
     Ts = resolve_loop(loop, 0).Ts
     mv = valve_response(
         loop.valve.name, np.concatenate([up, up[::-1], up]), loop.valve.parameters, Ts
     )
+
+    # The separation of both ways, less the dead band
     back = mv[n : 2 * n]
     again = mv[2 * n :]
     moving = np.abs(back - back[0]) > _REST

@@ -246,10 +246,13 @@ def _fit_valves(one: _Readings, valves: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def _last_moves(op: np.ndarray, valves: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return OP (%) at which each valve last moved, and the direction, in every hold (n, p)."""
+    # Each valve stands off OP as it last moved
     S, J, side, begun = valves.T
     at = op[0] - side * begun * S
     where = np.empty((op.size, len(S)))
     ways = np.empty((op.size, len(S)))
+
+    # It moves where OP has gone past its band, or its jump in the same direction
     for k, now in enumerate(op):
         away = now - at
         band = np.where(np.sign(away) == side, J, S)

@@ -37,6 +37,7 @@ def draw_ellipse(
     axes: Axes, data: pd.DataFrame, op_label: str, pv_label: str, title: str = ""
 ) -> None:
     """Draw the points, the ellipse, its limits and the chord along OP through the centre."""
+    # Points, ellipse and limits
     points = data[data.curve == "data"]
     ring = data[data.curve == "ellipse"]
     axes.plot(points["OP"], points["PV"], ".", color=GREY, markersize=2, label="filtered data")
@@ -46,6 +47,8 @@ def draw_ellipse(
         axes.plot(
             curve["OP"], curve["PV"], color=BLUE, linestyle="--", linewidth=0.9, label=caption
         )
+
+    # The chord along OP through the centre
     half = float(data["S_apparent"].iloc[0]) / 2
     x0 = float(ring["OP"].max() + ring["OP"].min()) / 2
     y0 = float(ring["PV"].max() + ring["PV"].min()) / 2

@@ -18,11 +18,14 @@ def half_cycle_fits(x: np.ndarray, period: float) -> pd.DataFrame:
     The same cut, families and least squares as `simbench.detectors.signal.half_cycles`, kept in
     place and sign.
     """
+    # Half cycles that are neither a ripple nor a period
     at = zero_crossings(x, GUARD * float(x.std()))
     rows = []
     for half, (start, length) in enumerate(zip(at[:-1], np.diff(at))):
         if not 0.125 * period < length < period:
             continue
+
+        # The best sine and the best triangle at even places
         sample = start + length * (np.arange(HALF_CYCLE_POINTS) + 0.5) / HALF_CYCLE_POINTS
         hump = np.interp(sample, np.arange(x.size), x)
         fits = {}

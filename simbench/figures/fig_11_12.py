@@ -36,10 +36,13 @@ def data(isdb: str) -> pd.DataFrame:
 @styled
 def draw(data: pd.DataFrame) -> Figure:
     """Draw both trends and the PV-OP plot."""
+    # Both trends
     figure, axes = mosaic([["op", "xy"], ["pv", "xy"]], 7.4, 3.8, width_ratios=[1.5, 1])
     for name, column, unit in (("op", "OP (%)", "OP (%)"), ("pv", "PV", "PV (record's units)")):
         axes[name].plot(data["t (s)"], data[column], color=SIGNAL[name.upper()], linewidth=0.8)
         label(axes[name], "time (s)", unit)
+
+    # PV over OP, with both indices
     axes["xy"].plot(
         data["OP (%)"], data["PV"], color=BLUE, linewidth=0.4, marker=".", markersize=1.5
     )

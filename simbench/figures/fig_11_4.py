@@ -29,10 +29,13 @@ def data() -> pd.DataFrame:
 
     Columns: panel, model, part ("full traverse" or "inner loop"), OP (%), MV (%).
     """
+    # A full traverse, and the way of an inner loop
     full = np.interp(np.arange(801.0), [0, 100, 300, 500, 700, 800], [50, 100, 0, 100, 0, 50])
     inner = np.concatenate(
         [full[:-50], np.linspace(25, 70, 46), np.linspace(70, 35, 36), np.linspace(35, 70, 36)]
     )
+
+    # Every valve on both ways
     rows = []
     for panel, (model, parameters) in PANELS.items():
         for part, op, keep in (

@@ -65,10 +65,13 @@ def possible_effects(s: Situation, by_mv: bool | None = None) -> list[str]:
     """Return the effects whose fit makes sense for this baseline and these signals; `by_mv`: MV is
     known, here or in a test.
     """
+    # What the baseline has, that some effects need
     if by_mv is None:
         by_mv = s.record.mv is not None
     has = {"time constant": not s.integrating, "valve without friction": not friction(s.baseline)}
     effects = []
+
+    # Effects that can be told from these signals
     for e in EFFECTS:
         if (
             recogniser(e).fit is not None

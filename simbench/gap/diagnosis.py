@@ -102,17 +102,22 @@ def diagnose(
     >>> diagnose(loop.with_("controller.Kc", 1.6).simulate(1).record, loop).effect
     'detuning'
     """
+    # A loop file or none, and at least one record
     if identify and baseline is not None:
         raise ParameterError("gap diagnose: a baseline and identify given; one of both is needed")
     records = _list_records(record, signals)
     if not records:
         raise RecordError("no record to diagnose")
+
+    # One sampling period
     paces = sorted({r.Ts for r in records})
     if paces[-1] > (1.0 + SAME_TS) * paces[0]:
         raise RecordError(
             f"records judged together must have one Ts; it is {paces[0]:g} s in one and"
             f" {paces[-1]:g} s in another"
         )
+
+    # The records with what is known of their loop
     loop = _read_loop(baseline)
     return diagnose_all(records, loop, jobs, seed, [as_record(one) for one in healthy])
 

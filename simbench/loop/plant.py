@@ -80,6 +80,7 @@ def table_of(system) -> dict:
 
 def polynomials_of(tf) -> tuple[np.ndarray, np.ndarray]:
     """Accept a user's transfer function, or say why not."""
+    # One input, one output, continuous in time
     if tf.ninputs != 1 or tf.noutputs != 1:
         raise ParameterError(
             f"plant has {tf.ninputs} inputs and {tf.noutputs} outputs; one of each is needed"
@@ -88,6 +89,8 @@ def polynomials_of(tf) -> tuple[np.ndarray, np.ndarray]:
         raise ParameterError(
             f"plant is discrete (dt = {tf.dt}); a continuous transfer function is needed"
         )
+
+    # Polynomials that can be simulated, den beginning with 1
     try:
         num, den = checked_polynomials(tf.num[0][0].astype(float), tf.den[0][0].astype(float))
     except ValueError as error:
@@ -198,8 +201,11 @@ def sample(num: np.ndarray, den: np.ndarray, Td: float, Ts: float) -> SampledPla
 def _sample_polynomials(
     num: tuple[float, ...], den: tuple[float, ...], Td: float, Ts: float
 ) -> SampledPlant:
+    # The state space, and where in a sample the dead time ends
     A, B, C = _state_space(np.array(num), np.array(den))
     delay, old = _split_dead_time(Td, Ts)
+
+    # One state by its exponential
     if len(A) == 1:
         a = float(A[0, 0])
         b = float(B[0])
@@ -207,6 +213,8 @@ def _sample_polynomials(
         B_new = _step_answer(a, b, Ts - old)
         whole = np.array([[math.exp(a * Ts)]])
         return SampledPlant(whole, np.array([B_old]), np.array([B_new]), C, delay)
+
+    # Several by the matrix exponential
     whole, _ = _hold_input(A, B, Ts)
     late, B_new = _hold_input(A, B, Ts - old)
     _, early = _hold_input(A, B, old)

@@ -323,11 +323,14 @@ def finished_run(setup: Setup, op: np.ndarray, measured: np.ndarray, mv: np.ndar
         )
 
     def part(cut: slice, kept: Archiving | None = None) -> LoopRecord:
+        # What the archive keeps of both
         signals = op[cut], archived[cut]
         if kept is None:
             kept_op, kept_pv = signals
         else:
             kept_op, kept_pv = as_archived(*signals, kept)
+
+        # The record of that part
         return LoopRecord(
             op=kept_op,
             pv=kept_pv,

@@ -101,11 +101,14 @@ def _control_plugin(loop: Loop) -> tuple[ModuleType, Any] | None:
 def _load_part(
     folder: PluginFolder, part: Any, built_in: tuple[str, ...], loop: Loop, **more: float
 ) -> Any:
+    # A part of the package, or a plug-in that is there
     if part.type in built_in:
         return None
     known = built_in + tuple(folder.names())
     if part.type not in known:
         raise UnknownName(folder.kind, part.type, known)
+
+    # Its own parameters, and what the loop states of all
     module = folder.load(part.type)
     where = f"{folder.kind} {part.type!r}"
     own = {}
@@ -239,6 +242,7 @@ class Setup:
         """Why the loop has no transfer function from MV back to OP, in words; "" where it has
         one.
         """
+        # Parts without a transfer function
         if self.outer is not None:
             return "the loop is the inner one of a cascade"
         for name, part in (("plant", self.loop.plant), ("controller", self.loop.controller)):
@@ -248,6 +252,8 @@ class Setup:
             return f"plant {self.loop.plant.type!r} has no transfer function"
         if self.control_plugin is not None:
             return f"controller {self.loop.controller.type!r} is a law of its own"
+
+        # A gain that changes with the signal
         return (
             "the controller's gain follows a schedule"
             if self.loop.controller.schedule is not None

@@ -20,6 +20,7 @@ def starts_cycle(loop: SampledLoop, cycle: ExactCycle, kick: float) -> bool:
 
 def reaches_cycle(loop: SampledLoop, cycle: ExactCycle, state: tuple) -> bool:
     """Whether the march from a state (x, s, past) ends in the limit cycle; the state is used up."""
+    # The same cycle twice in a row is the limit cycle
     near = 0
     for _ in range(_ROUNDS):
         run = reversals(loop, *state, REVERSALS_WATCHED)

@@ -54,6 +54,7 @@ def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
     at all (`SampledLoop.misfit`): asymmetric ones, hysteresis, pre-sliding; there it is an
     approximation.
     """
+    # The half cycles of theory, the most stable first
     if loop.fs == 0:
         return None
     halves = sorted(
@@ -63,6 +64,8 @@ def exact_cycle(loop: SampledLoop) -> ExactCycle | None:
         cycle = settled(loop, _round_state(on_half_cycle(loop, half)), half.multiplier)
         if cycle is not None:
             return cycle
+
+    # Else what load steps start
     for size in _LOAD_STEPS:
         cycle = settled(loop, _round_state(after_load_step(loop, size * loop.fs)), None)
         if cycle is not None:

@@ -79,9 +79,7 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
             turns.append(turn)
             if abs(turn - m) <= 1 and abs(length - half.samples) <= 2:
                 known = any(abs(h.samples - half.samples) <= 3 for h in found)
-                if known:
-                    found += []
-                else:
+                if not known:
                     found += [
                         replace(half, amplitude=top, multiplier=_largest_multiplier(Y, T, half))
                     ]

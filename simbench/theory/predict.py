@@ -43,8 +43,11 @@ def predict(loop: Loop) -> dict[str, Any]:
     >>> {k: round(v, 1) for k, v in found["exact"].items()}
     {'period': 92.9, 'amplitude': 2.6, 'kick_min': 3.5}
     """
+    # Every prediction of the loop
     with np.errstate(all="ignore"):  # candidate cycles that grow without bound
         table, refined, theory = truth_columns(loop, kick=True)
+
+    # The exact cycle, where there is one
     cycles = theory["by"] == "exact" and theory["exists"]
     return {
         "table_11_3": table,

@@ -290,15 +290,20 @@ def nearest_map(stages: tuple, S: float, J: float) -> tuple[bool, float]:
     """Say whether a valve follows OP or sticks again after every sample, and how far it is from the
     better (S, J) map.
     """
+    # A wave that goes both ways by less than the valve's range
     reach = min(0.75 * (S + J), 50.0)
     if reach == 0:
         return False, 0.0
     slope = np.arange(-40, 40) / 40
     wave = 50.0 + reach * np.concatenate([slope[40:], -slope, slope, -slope, slope])
+
+    # What the valve does, and what either map does
     driven = stages_response(stages, wave, 50.0)
     follows = stiction_map.valve_position(wave, S, J)
     sticks = np.empty(wave.size)
     compiled(_follow_sticking)(wave, S, J, sticks)
+
+    # The nearer map, with its distance
     errors = []
     for ours in (follows, sticks):
         errors.append(float(np.sqrt(np.mean((driven - ours) ** 2))) / max(J, S / 10))

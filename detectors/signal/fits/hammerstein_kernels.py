@@ -293,6 +293,7 @@ def _sum_moments(record, m, top, x, sx, sxx, sxz, sxy):
     """Sums of x, its square, its product with itself one sample earlier and with y, over the `m`
     samples from `top` on.
     """
+    # Sums over the window, lane by lane
     wide()
     y = record.y
     first = record.first

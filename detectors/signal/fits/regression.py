@@ -220,6 +220,7 @@ def _prepare_averages(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _
     """Return the averages as they are regressed; None where there are too few, or PV or OP
     rests.
     """
+    # Averages, as many past ones as their number allows
     n = op.size // q
     u = op[: n * q].reshape(n, q).mean(axis=1)
     y = pv[: n * q].reshape(n, q).mean(axis=1)
@@ -227,8 +228,12 @@ def _prepare_averages(op: np.ndarray, pv: np.ndarray, q: int, beside: bool) -> _
     first = max(past, _LATE) + 1
     if past < _FEWEST or not all(_moves_at_all(x) for x in (u, y)):
         return None
+
+    # Both in standard deviations
     u = (u - u.mean()) / u.std()
     y = (y - y.mean()) / y.std()
+
+    # What PV remembers, and OP where it is regressed beside
     lags = [np.ones(n - first)] + [y[first - k : n - k] for k in range(1, past + 1)]
     lags = np.array(lags + [u[first - k : n - k] for k in range(1, _LATE + 1) if beside])
     basis, weights = _orthonormal_rows(lags, 1 + past)

@@ -95,14 +95,16 @@ class Check:
             + list(self.problems)
             + list(self.unseen)
         )
+
+        # The result, with the first reason, then a few more
         head = f"{self.result}: {found[0] if found else 'no detector became worse'}."
         shown = found[1 : _SCREEN["reasons"]]
         more = len(found) - 1 - len(shown)
         lines = [head] + [f"- {reason}" for reason in shown]
         if more > 0:
             lines += [f"- and {more} more, which --json lists"]
-        else:
-            lines += []
+
+        # How many bits are equal, and what was compared
         told = (
             f"{self.bits['equal']} loops have equal bits, {self.bits['other_bits']} other bits and"
             f" the same verdicts, {self.bits['other_verdict']} another verdict"
@@ -163,6 +165,7 @@ def command_again(check: Check, scenario_id: str) -> str:
 
 def sentence(row: dict[str, Any]) -> str:
     """Return what became worse, from a row of the tests."""
+    # How many loops changed, and by how much the rate moved
     if pd.isna(row["lost"]):
         cases = ""
     else:

@@ -371,6 +371,7 @@ def _with_failures(
     """Return verdicts with those of scenarios that the run could not simulate, about which no
     method is asked.
     """
+    # Scenarios that failed answer nothing
     failed = {}
     for row in scenarios:
         if row["error"] is not None:
@@ -383,6 +384,8 @@ def _with_failures(
                     ident, Answer(Verdict(name, NO_DECISION, reason=f"failed: {error}"), error, 0.0)
                 )
             )
+
+    # In place of what was asked about them
     asked = pc.invert(pc.is_in(verdicts.column("scenario_id"), pa.array(failed, pa.string())))
     return pa.concat_tables([verdicts.filter(asked), as_table(rows, VERDICT_SCHEMA)])
 

@@ -54,6 +54,7 @@ class GridSize:
 
 def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
     """Estimate a run's size without building a cell."""
+    # Scenarios, and the samples of each
     scenarios = len(plan)
     if plan.content.loop is not None:
         n = float(plan.content.loop.get("sampling", {}).get("n", 4000))
@@ -61,6 +62,8 @@ def size_of(plan: Grid, fast: int, slow: int) -> GridSize:
         n = sum(_samples_of_record(plan, block) for block in plan.content.block) / len(
             plan.content.block
         )
+
+    # Seconds and bytes by the constants of a measured run
     long = max(n / 1500.0, 0.2)  # the constants are for records of this length
     seconds = (
         scenarios * long * (_SECONDS + _FAST_METHOD_SECONDS * fast + _FULL_METHOD_SECONDS * slow)

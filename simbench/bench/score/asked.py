@@ -48,6 +48,7 @@ class Asked:
         """Return what is asked for, as text; the ranking, or every table, where it is neither a
         comparison nor rates.
         """
+        # What was asked for
         if self.comparison is None:
             parts = []
         else:
@@ -59,6 +60,8 @@ class Asked:
             else:
                 lines = two_way_lines(*about, PANELS if self.scores.chosen else PANELS[:1])
             parts.append("\n".join(lines))
+
+        # The ranking where nothing was, or all
         if full or not parts:
             parts.insert(0, self.scores.as_text(self.truth, full, where))
         return "\n\n".join(parts)

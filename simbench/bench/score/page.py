@@ -102,8 +102,6 @@ def _draw_ranking(scores: Scores, truth: str, failed: str) -> list[Part]:
     parts = texts(opening_lines(scores, truth))
     if failed:
         parts += [Text(f"{failed}.", "bad")]
-    else:
-        parts += []
     if rows.empty:
         return parts
 
@@ -116,8 +114,6 @@ def _draw_ranking(scores: Scores, truth: str, failed: str) -> list[Part]:
         name = str(group)
         if name:
             parts += [Text(name[0].upper() + name[1:], "heading")]
-        else:
-            parts += []
         parts.append(tabulate(some))
     parts.append(Pictures([(bars(scores.ranking(truth)).figure, cost)], wide=True))
     return parts + [Text("What the columns mean", "heading")] + texts(_SAYS)
@@ -297,12 +293,15 @@ def _list_causes(scores: Scores) -> list[Part]:
 
 def _tell_origin(manifest: Mapping[str, Any], folder: str) -> list[Part]:
     """Return what the numbers rest on, and the commands that repeat them."""
+    # What the run was made of
     origin = []
     for key in _ORIGIN:
         if manifest.get(key):
             origin.append(f"{key.replace('_', ' ')}: {manifest[key]}")
     versions = ", ".join(f"{name} {v}" for name, v in manifest.get("versions", {}).items())
     one = f"simbench simulate --from {folder} --id SCENARIO -o record.csv"
+
+    # How to repeat it
     return [
         Text(f"All numbers on this page come from the tables in {folder}, and these from:"),
         Points(origin + [f"versions: {versions}"]),
@@ -315,6 +314,7 @@ def _tell_origin(manifest: Mapping[str, Any], folder: str) -> list[Part]:
 
 def reproduce(manifest: Mapping[str, Any]) -> list[str]:
     """Return the commands that give the same tables from a checkout of the same commit."""
+    # The run with its settings and methods
     words = ["simbench", "run", str(manifest["grid"]), "-o", "again"]
     words += setting_words({**(manifest.get("overrides") or {}), "seed": manifest["seed"]})
     methods = manifest["methods"].items()
@@ -327,8 +327,8 @@ def reproduce(manifest: Mapping[str, Any]) -> list[str]:
             words.append(word)
     if manifest.get("points"):
         words += ["--n", str(manifest["points"])]
-    else:
-        words += []
+
+    # At its commit
     if manifest.get("commit"):
         lines = [f"git checkout {manifest['commit']}"]
     else:

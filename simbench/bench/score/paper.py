@@ -105,11 +105,9 @@ def _of_loops(scores: Any, truth: str, population: str, loops: str) -> str:
     m = scores.manifest
     if len(rows):
         n = int(rows["n"].max())
-    else:
-        n = 0
-    if len(rows):
         positives = int(rows["positives"].max())
     else:
+        n = 0
         positives = 0
     return (
         f"Detectors of valve stiction on grid {m['grid']}{benchmark_text(m)}, seed {m.get('seed')}:"

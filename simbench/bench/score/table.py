@@ -441,11 +441,14 @@ def _format_rates(
     intervals: Sequence[str] = (),
 ) -> pd.DataFrame:
     """Return rates of methods as texts, of few loops none; a method has the mark of its home."""
+    # The mark of a method's home
     few = rows[n] < LEAST
     if "home" in rows:
         marks = rows.home.map(HOME_MARKS).fillna("")
     else:
         marks = ""
+
+    # Rates as texts, few loops none
     table = pd.DataFrame({"method": rows.method + marks, "n": rows[n]})
     for name, title in titles.items():
         if name in intervals:

@@ -247,8 +247,6 @@ def _describe_difference(key: str, old: Any, new: Any) -> str:
             changes = []
         if come:
             changes += [f"this command asks for {', '.join(come)}, which the run does not have"]
-        else:
-            changes += []
         for k in old:
             if k in new and old[k] != new[k]:
                 changes.append(_describe_change(k, old[k], new[k]))

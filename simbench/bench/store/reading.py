@@ -159,6 +159,7 @@ def scenario_of(row: Mapping[str, Any], where: str) -> Scenario:
     """Return the scenario of a row of the scenarios table; RunError where its loop is not the one
     that was run.
     """
+    # The scenario as it was stored, and the digest that it had
     if row["loop"] is None:
         raise without_loops(where)
     scenario = Scenario(

@@ -158,6 +158,7 @@ class GridGap:
         matplotlib.figure.Figure
             One point with its interval for each step.
         """
+        # One line per step, with its interval
         steps = [self.before, *self.together]
         figure, axes = panels(1, 1, 6.0, 1.2 + 0.35 * len(steps))
         (place,) = axes.ravel()
@@ -166,6 +167,8 @@ class GridGap:
             place.plot([one.auc.lo, one.auc.hi], [-k, -k], color=colour)
             place.plot(one.auc.value, -k, "o", color=colour)
         names = ["as it is"] + [f"+ {one.chosen[-1][0]}" for one in self.together]
+
+        # Names, and the line of chance
         place.set_yticks([-k for k in range(len(steps))], names)
         place.axvline(_CHANCE, color=GREY, linestyle="--", linewidth=0.8)
         place.set_xlim(0.3, 1.02)

@@ -102,15 +102,16 @@ def _redraw_loads(
     """Yield loops of some plants whose load is drawn again from what they leave of PV, and from
     what a controller left of OP, in short pieces and in long ones.
     """
+    # Each plant with pieces of several lengths of what it leaves
     for name, (plant, op0, left, law_of_left) in tables:
         for piece in _piece_lengths(s.op[: held_out(s)], left.size):
             numbers = {"piece": piece * Ts, **of_op, "output": left.tolist()}
-            if law_of_left is None:
-                numbers |= {}
-            else:
+            if law_of_left is not None:
                 numbers |= {"filter": law_of_left}
             load = Part(name="resampled", parameters=numbers)
             rest = {"op0": op0, "pv0": float(s.sp[0])}
+
+            # A copy that can be stated as a loop
             try:
                 copy = around.replace(plant=plant, operating_point=rest, disturbance=(load,))
                 yield Copy(copy, name, f"{piece * Ts:.3g}")
@@ -233,6 +234,7 @@ def _leave_by_regression(plant: Arx, s: Situation, Ts: float) -> _Left:
     """Return the table of a plant that was regressed, OP at which it rests on the first set point,
     its residuals with what is left of that, and the filter they pass.
     """
+    # The regressed plant as a table in powers of z
     den = plant.den
     num = plant.driven
     size = max(den.size, num.size + 1)
@@ -242,6 +244,8 @@ def _leave_by_regression(plant: Arx, s: Situation, Ts: float) -> _Left:
         "den": np.append(den, np.zeros(size - den.size)).tolist(),
         "dt": Ts,
     }
+
+    # OP at rest on the first set point, and what is left about it
     rest = float(den.sum()) * float(s.sp[0])
     gain = float(num.sum())
     op0 = _resting_op((rest - plant.constant) / gain if gain else np.nan, s)

@@ -29,12 +29,15 @@ class IdentifiedLoops(ClosedLoops):
         """Return the copy of the record with the friction of some effects in it that is nearest to
         its fitted part; what else they do is in the copy already.
         """
+        # Only friction changes which copy is nearest
         known = self.fitted.parameters
         key = []
         for e in effects:
             if is_friction(e) and e in known:
                 key.append(e)
         key = tuple(key)
+
+        # Copies with that friction, the nearest of them
         if key not in self.chosen:
             valve = [{"name": e, **known[e]} for e in key]
             tried = copies(self.fitted.situation, super().corrected(key), valve)

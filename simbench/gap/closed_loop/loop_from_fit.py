@@ -162,6 +162,7 @@ def _fitted_loads(
     It was fitted as what it does to PV, through the gain of that fit; at the input it is the same
     in every arm.
     """
+    # Each part of the load as a coloured disturbance
     Ts = situation.record.Ts
     d = situation.data
     K = abs(input_gain(source, d))
@@ -172,6 +173,8 @@ def _fitted_loads(
                 {"type": "coloured", "amplitude": std / K, "period": period * Ts}
                 | ({"lag": lag * Ts} if lag > 0.0 else {})
             )
+
+    # Loads on PV that the fit follows
     wanders = source.spec.walk or "noise_std" in source.spec.free
     if wanders:
         loads += situation.loads_on_pv

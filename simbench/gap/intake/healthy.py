@@ -44,6 +44,7 @@ class Healthy:
 
     def note(self, loop: Loop, duration: float) -> str:
         """Return in a sentence what the records show, for one of `duration` s."""
+        # What the records show, in the order of the loop file
         drift = self.wander * float(np.sqrt(duration))
         parts = (
             [
@@ -53,6 +54,8 @@ class Healthy:
             + ([f"steps of {self.steps:.2g} %"] if self.steps else [])
             + [f"a sine of {period:.3g} s" for period, _ in self.sines]
         )
+
+        # In one sentence
         records = "record shows" if self.records == 1 else "records show"
         return (
             f"healthy: {self.records} {records} {', '.join(parts)}; loads up to {LARGER:g} times as"

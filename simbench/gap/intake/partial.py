@@ -46,6 +46,7 @@ def read_baseline(path: str | Path) -> Loop | Partial:
 
 def _stand_ins(table: dict) -> dict:
     """Return sections that agree with whatever the table holds."""
+    # Which sign agrees with what is stated
     stated = []
     for x in (table.get("plant"), table.get("controller")):
         if isinstance(x, dict):
@@ -55,6 +56,8 @@ def _stand_ins(table: dict) -> dict:
         for x in stated
     )
     direction = "direct" if falls else "reverse"
+
+    # Sections of that sign
     return {
         "plant": {"type": "foptd", "K": -1.0 if falls else 1.0, "T": 1.0},
         "controller": {"type": "PI", "Kc": 1.0, "Ti": 1.0, "direction": direction},

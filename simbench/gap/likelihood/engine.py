@@ -218,9 +218,12 @@ class Engine:
         """Return the linear coefficients and how far, in standard deviations, the gain lies outside
         its prior.
         """
+        # The least squares of the channels
         A = _regularise(N[1:, 1:])
         b = N[1:, 0].copy()
         beta = np.linalg.solve(A, b)
+
+        # A gain far from a trusted one is drawn to its edge
         K = self.data.K
         low, high = self._gain_limits(spec)
         if not self.data.trusted or low <= beta[0] <= high:

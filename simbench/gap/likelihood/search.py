@@ -69,6 +69,7 @@ def screen_starts(
 
     Feedback and friction hide the plant: what was identified without friction may be far from it.
     """
+    # A grid of quiet plants beside the starts
     if engine.data.T > 0.0:
         lags = _LAGS
     else:
@@ -80,6 +81,8 @@ def screen_starts(
             if Td < engine.data.n / 8:
                 grid.append({**quiet, "T": T, "Td": Td})
     every = starts + grid
+
+    # Those in which the map's best point is likeliest
     values = [engine.scan(base.spec, theta, kind, coarse).max() for theta in every]
     return [every[i] for i in np.argsort(-np.array(values), kind="stable")[:_FOLLOWED]]
 

@@ -320,8 +320,11 @@ def _blame_outside(loops: CandidateLoops, as_much: str, keeps: float, periods: f
 
 
 def _judge_sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
+    # Spikes are the sensor's
     if "spikes" in prepared.flags:
         return Cause(SENSOR, 0.7, (prepared.flags["spikes"].evidence,))
+
+    # Noise that OP follows, by how much
     op = prepared.record.op
     pv = prepared.record.pv
     share = min(float(loops.healthy[0].noise.std / np.std(pv)), 1.0) ** 2
@@ -330,6 +333,8 @@ def _judge_sensor(prepared: Prepared, loops: CandidateLoops) -> Cause:
         moved = float(np.std(np.diff(op)))
     else:
         moved = 0.0
+
+    # Large noise that moves the valve is a cause, other noise is not
     if share > NOISY and moved > MOVED:
         follows = f"{noisy}: the valve follows it, by {moved:.2g} % from sample to sample"
         return Cause(SENSOR, 0.8, (follows,))

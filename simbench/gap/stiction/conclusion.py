@@ -343,10 +343,13 @@ def group_conclusions(
     """Return records, probability and verdict of each group of records that share a key and a
     label.
     """
+    # Records of one group and label
     groups: dict[tuple[str, str], list[float | None]] = {}
     for name in (name for name in conclusions if name in labels):
         group = labels[name][key], labels[name]["label"]
         groups.setdefault(group, []).append(conclusions[name].probability)
+
+    # The mean of their log-odds
     out = {}
     for group, each in groups.items():
         odds = [float(logit(p)) for p in each if p is not None]

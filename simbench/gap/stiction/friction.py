@@ -371,6 +371,7 @@ def _assess_both_kinds(record: LoopRecord) -> list[Assessment]:
     """Return the assessments of a record with the loops of both kinds that can be identified from
     it.
     """
+    # The loop of either kind that can be identified
     views = []
     refused = None
     law = law_of(record)
@@ -380,6 +381,8 @@ def _assess_both_kinds(record: LoopRecord) -> list[Assessment]:
             views.append(_assess_few(check(record, loop, trusted=False)))
         except UserError as why:
             refused = why
+
+    # None can
     if not views:
         assert refused is not None
         raise refused
@@ -433,11 +436,14 @@ def _why_unclaimed(likeliest: Assessment, gain: float) -> str:
     """Return why friction that may explain PV in a regression is not claimed, given what it gains
     (nats) in a model of the loop; "" where nothing speaks against a claim.
     """
+    # No gain once the loop is modelled
     if gain <= 0.0:
         return (
             "a regression of PV finds a band, but no model of the loop with friction explains the"
             " record better than one without: a gain that changes with load looks like that"
         )
+
+    # A band that OP never passed both ways
     op = likeliest.situation.op
     S = float(likeliest.candidates[FRICTION].fit.theta["S"])
     if passes(S, op):

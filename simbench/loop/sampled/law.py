@@ -33,6 +33,7 @@ def step(e, sp, state, p):
     What goes into the next sample is OP as it was limited, and moved by others: so a limit winds
     nothing up (Astrom and Hagglund 2006, Advanced PID Control, section 3.5).
     """
+    # Past outputs and errors move on by one
     past = state[1]
     errors = state[2]
     for i in range(past.size - 1, 0, -1):
@@ -41,6 +42,8 @@ def step(e, sp, state, p):
     for i in range(errors.size - 1, 0, -1):
         errors[i] = errors[i - 1]
     errors[0] = p.sign * p.Kc * e
+
+    # The difference equation
     u = p.op0
     for i in range(errors.size):
         u += p.num[i] * errors[i]

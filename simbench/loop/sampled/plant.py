@@ -32,16 +32,21 @@ def step(w_old, w_new, state, p):
     """One sample: the inflow's deviation `w_new` (%) and state in, state out; its arrays change in
     place.
     """
+    # Past movements move on by one
     past = state[1]
     moved = state[2]
     for i in range(moved.size - 1, 0, -1):
         moved[i] = moved[i - 1]
     moved[0] = w_new
+
+    # The difference equation
     y = 0.0
     for i in range(moved.size):
         y += p.num[i] * moved[i]
     for i in range(past.size):
         y -= p.den[i] * past[i]
+
+    # Past outputs as well
     for i in range(past.size - 1, 0, -1):
         past[i] = past[i - 1]
     past[0] = y
