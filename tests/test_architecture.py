@@ -51,3 +51,16 @@ def test_the_picture_shows_the_import_rules_and_docstrings_of_today(architecture
         if element.tag.endswith("}description")
     )
     assert description == architecture.words()
+
+
+def test_the_page_says_what_every_folder_is_for():
+    folders = set()
+    for top in ("simbench", "detectors", "scenarios"):
+        for file in (ROOT / top).rglob("*.py"):
+            folder = file.parent.relative_to(ROOT)
+            if not any((ROOT / part).is_symlink() for part in (folder, *folder.parents)):
+                folders.add(folder.name)
+    untold = [
+        name for name in folders if not re.search(rf"`{name}`|\*\*(simbench\.)?{name}\*\*", PAGE)
+    ]
+    assert untold == []
