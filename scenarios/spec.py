@@ -136,7 +136,7 @@ class Loop(TomlTable):
             )
         return self
 
-    def _stated_sections(self) -> dict[str, Any]:
+    def _stated_fields(self) -> dict[str, Any]:
         """Return the sections as the objects that they are, which need no second check."""
         return {name: section for name, section in self if section is not None}
 
