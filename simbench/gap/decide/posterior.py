@@ -173,10 +173,12 @@ def posterior(
     if not apart:
         share = sum(v for e, v in p.items() if is_friction(e))
         if not known:
-            for a, others in pairs.items():
-                for e, x in others.items():
+            second = 0.0
+            for one, brought in pairs.items():
+                for e, x in brought.items():
                     if is_friction(e):
-                        share += p[a] * x
+                        second += p[one] * x
+            share += second
         share = min(max(share, 1.0 - EDGE), EDGE)
     if known:
         for e in others:
