@@ -190,6 +190,7 @@ def cached_module(
         setattr(
             module, part, _jit(value, error_model) if isinstance(value, FunctionType) else value
         )
+
     # what was checked is executed, not what the file may hold by now
     exec(compile(whole, str(path), "exec"), module.__dict__)
     for value in list(vars(module).values()):
@@ -303,6 +304,7 @@ def _jit(function: FunctionType, error_model: str):
     )
     copy.__module__ = function.__module__
     copy.__qualname__ = function.__qualname__
+
     # lanes stay in registers only where the loops over them stand in one function
     inlined = error_model == "numpy"
     return njit(copy, error_model=error_model, forceinline=inlined, **_UNCALLED)

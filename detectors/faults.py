@@ -65,6 +65,7 @@ def _log_fault(error: Exception, command: Sequence[str]) -> str:
     """
     if os.environ.get(RAISED):
         raise error
+
     # what pydantic writes is for programmers; the log has it
     by_pydantic = type(error).__module__.startswith("pydantic")
     message = type(error).__name__ + ("" if by_pydantic else f": {error}")

@@ -225,6 +225,7 @@ def judge_one(
         if fits is None:
             applicable = None
             notes.append(note)
+
     # the procedure asks the same methods about the same record
     key = ("verdict", name, record.mv is None, *thresholds.items())
     stopped = _front_end(method, prepared, raw, answer)

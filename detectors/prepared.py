@@ -177,6 +177,7 @@ class Prepared:
 
     def _level_of(self, name: str) -> np.ndarray:
         x = self.signal(name)
+
         # a mean over one period would take part of the longer cycles away
         if self.oscillation.swings:
             at = wandering(self.record.op)
@@ -186,6 +187,7 @@ class Prepared:
                 level = x - midline(x, at)
         else:
             level = x - drift(x, self.period)
+
         # a signal that stood still for a period leaves rounding, whose signs hang on the unit
         level[np.abs(level) <= _STILL * np.ptp(x)] = 0.0
         return level
@@ -309,6 +311,7 @@ def _at_density(
         coarse = 1
     step = 1
     last = oscillation.period_s
+
     # step by step, each asked for the period itself: near a bound a denser record may say another
     while last > DENSEST * step * record.Ts and record.n >= 8 * step:
         step *= 2
@@ -323,9 +326,11 @@ def _at_density(
         thin = dense
     else:
         thin = Prepared(thin_record(record, step), part=part, step=step)
+
     # else it is asked itself: a finer record may oscillate by chance, and this one is judged
     if coarse > step:
         thin.__dict__["oscillation"] = oscillation
+
     # what oscillates in neither way is left as it came: its valve may be seen all the same
     return thin if thin.oscillation.sustained or oscillation.sustained else dense
 
@@ -346,6 +351,7 @@ def prepare(record: LoopRecord) -> Prepared:
     step = 1
     while pace > _COARSEST * step:
         step *= 2
+
     # starts and ends that every density has: half a swing earlier or later a half may seem to
     # oscillate or not
     quarter = -(-record.n // (4 * step)) * step

@@ -106,6 +106,7 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
         periods = record.duration / oscillation.period_s
     else:
         periods = 0.0
+
     # an integrating process draws two straight lines per cycle by itself
     compressed = share > _COLLINEAR and lines > max(4.0 * periods, n / 50.0)
     if compressed:
@@ -113,6 +114,7 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
             "compressed", f"{share:.0%} of PV's moving samples lie on straight lines between others"
         )
     still_for = frozen(pv)
+
     # at rest OP rests as well
     if (
         still_for is not None
@@ -136,6 +138,7 @@ def _pv_findings(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
             yield Flag(
                 "off_setpoint", f"PV stays {off:.3g} away from SP and moves by {spread:.3g} only"
             )
+
     # the samples that an archive kept stand off the lines it drew
     if compressed:
         outliers = 0

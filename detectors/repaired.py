@@ -120,6 +120,7 @@ def _find_outliers(x: np.ndarray) -> np.ndarray:
     top of a wave, whose neighbours are nearly as far out, is none of them.
     """
     wild = np.zeros(x.size, dtype=bool)
+
     # one value that stands for "none" may be repeated often, and must not widen the range
     usual = x[(x != x.min()) & (x != x.max())]
     if 2 * usual.size < x.size:
@@ -168,6 +169,7 @@ def _in_ordinary_unit(record: LoopRecord) -> LoopRecord:
         factor = 1.0
     else:
         factor = 1.0 / decade
+
     # a whole number of decades leaves the digits where they were
     offset = decade * np.round(0.5 * (low + high) / decade)
     offset = offset if abs(offset) > _REMOTE * (high - low) else 0.0

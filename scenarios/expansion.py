@@ -194,6 +194,7 @@ class Grid:
         """Build one group."""
         repeat, cell = divmod(index, self.cells)
         number, values = self._place_of_cell(cell)
+
         # cells that differ in the disturbance alone share the plant, so that they can be compared;
         # where echoes make the comparison, more plants are better
         members = self._present_members(number, values)
@@ -213,9 +214,11 @@ class Grid:
         block = self.content.block[number]
         settings: dict[str, Any] = {"process": block.process, "controller": block.controller}
         ranges = {**self.content.draw, **block.draw}
+
         # every setting is drawn, also those an axis replaces: one axis more must not shift the
         # other draws
         settings.update({key: draw(ranges[key], shared) for key in sorted(ranges)})
+
         # the record's own numbers cell by cell: shared, they would let a classifier know cells
         # again
         each = np.random.default_rng([self.content.seed, repeat, number, cell, 2])
@@ -224,6 +227,7 @@ class Grid:
         settings["step"] = float(settings.get("step", 0.0)) * (
             1.0 if shared.random() < 0.5 else -1.0
         )
+
         # what stands in the record beside valve and load is shared as well: it must not tell
         # siblings apart
         settings["effects"] = self._draw_effects(settings.get("effect", "none"), shared)
@@ -249,6 +253,7 @@ class Grid:
                 own.update(echo=pick(member.echo, rng), of=of, seed=int(rng.integers(2**63)))
             made.append((member.name, own, loads))
         tags.update(block=block.name, ranked=float(block.ranked))
+
         # keys of the loop file, as axis or draw: they have the last word, but for what was set from
         # outside
         keys = {}
@@ -276,6 +281,7 @@ class Grid:
             if key in settings:
                 ratios[key] = settings.pop(key)
         loop = loop.with_all(settings)
+
         # a healthy valve is sampled as its sticky twin
         moving = {}
         for key, value in ratios.items():

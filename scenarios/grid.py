@@ -144,6 +144,7 @@ def make_grid(
                     " allowed"
                 )
     content = checked(GridFile, table, name)
+
     # an axis replaced from outside may leave a member no value; a file that allows none is mistaken
     for block, member, key in [
         (b, m, k) for b in content.block for m in b.member for k, v in m.where.items() if not v
@@ -184,6 +185,7 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
     for key in axes:
         if key not in SETTINGS and not is_of_loop(key):
             raise SpecError(f"{name}: unknown axis {key!r}, {suggestion(key, SETTINGS)}")
+
     # an axis that some blocks have is changed there; one that none has is added to all
     known = set(content.draw)
     for block in content.block:

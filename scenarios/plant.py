@@ -242,6 +242,7 @@ def _read_sampled(table: dict[str, Any]) -> dict[str, Any]:
     """
     _refuse_missing(table, "plant", "z")
     num, den = checked_sampled(table["num"], table["den"], 1)
+
     # without its pole at z = 1, an integrating plant's gain is that of the slope
     if integrates(den.tolist()):
         rest = np.cumsum(den)[:-1] * float(table["dt"])

@@ -118,6 +118,7 @@ def table_of(rows: Iterable[Mapping[str, Any]]) -> bytes:
     schema = pa.schema([(name, kinds.get(name, pa.string())) for name in COLUMNS])
     kept = [{name: row[name] for name in COLUMNS} for row in rows]
     out = io.BytesIO()
+
     # the smallest that any setting gives: it is in the package
     pq.write_table(
         pa.Table.from_pylist(kept, schema=schema),

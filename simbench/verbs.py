@@ -205,6 +205,7 @@ def judge_files(
     asked = list(methods)
     if concludes is None:
         concludes = _weighs_evidence(asked)
+
     # 1. choose the methods
     with registry.added(plugins) as added:
         names = choose_methods(asked + added)

@@ -166,6 +166,7 @@ def detect(
         clear = higher.height
         indices = {"ngi": higher.ngi, "nli": higher.nli}
         numbers = f"NGI = {higher.ngi:.3f}, NLI = {higher.nli:.3f}"
+
     # the surrogates name no frequencies: the oscillation's is used
     if surrogate > 0.5:
         around = (1.0 / period, 1.0 / period)

@@ -90,6 +90,7 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
         op = prepared.band("travel", period / harmonics)
         pv = prepared.band("pv", period / harmonics)
     cut = slice(*regular_segment(op, period, round(4 * period)))
+
     # of an oscillation that has died out rounding is left, and that depends on the unit
     moves = all(
         np.ptp(x[cut]) > _DEAD * np.ptp(prepared.signal(name))

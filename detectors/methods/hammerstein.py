@@ -195,6 +195,7 @@ def detect(
         "S_hat": model.S,
         "J_hat": model.J,
     }
+
     # an integrating plant has no time constant
     T_s = model.T_s if math.isfinite(model.T_s) else math.nan
     indices |= {"T_s": T_s, "Td_s": model.Td_s}

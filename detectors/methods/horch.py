@@ -61,6 +61,7 @@ def correlation_indices(op: np.ndarray, pv: np.ndarray) -> tuple[float, float]:
     if not np.isfinite(tau_l + tau_r):
         return float("nan"), float("nan")
     near = np.concatenate([left[: int(tau_l) + 1], right[: int(tau_r) + 1]])
+
     # Phi_max carries the sign of Phi_0
     top = np.abs(near).max()
     now = abs(phi[0])
@@ -96,6 +97,7 @@ def detect(
         return Verdict(
             "horch", NO_DECISION, reason="the cross-correlation of OP and PV does not cross zero"
         )
+
     # for a sinusoid both measure one phase: drho = (1 - cos d)/(1 + cos d), dtau = d/(pi/2)
     score = 0.5 * (dtau + 2.0 / np.pi * float(np.arccos((1.0 - drho) / (1.0 + drho))))
     if dtau >= dtau_high and drho >= drho_high:

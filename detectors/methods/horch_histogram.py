@@ -85,6 +85,7 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
     pv = prepared.record.pv
     period = prepared.period
     order = 2 if prepared.integrating else 1
+
     # the highest harmonic at which differenced noise still is a tenth of what a differenced sine
     # has
     power = 2 * order + 1

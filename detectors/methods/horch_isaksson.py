@@ -83,6 +83,7 @@ def _filter_samples(u, y, a, b, noise, stay, standing):
     """
     q = LOOSE**2
     r = noise**2
+
     # each filter: z, v and the covariances zz, zv, vv; the standing one, then the following one
     one = (y[0], u[0], r, 0.0, 1.0)
     two = (y[0], u[0], r, 0.0, q)
@@ -197,6 +198,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
         a = 1.0
     else:
         a = math.exp(-q * record.Ts / max(plant.T_s, 1e-3 * record.Ts))
+
     # the fit gives the dead time to within a sample, and whose half it is shall not hang on the
     # unit of time
     late = round(round(plant.Td_s / record.Ts / q, 6))

@@ -64,6 +64,7 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
             reason=f"{period:.1f} samples per cycle; at least 7 are needed",
         )
     e = record.e - drift(record.e, period)
+
     # surrogates of a clean cycle hang on the last digits, and these on the unit of PV
     test = nonlinearity_index(snapped(e / (float(np.ptp(e)) or 1.0)), period)
     nonlinear = test.npi > npi_low

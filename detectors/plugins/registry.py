@@ -89,6 +89,7 @@ class PluginFolder:
                 f"{self.kind} file {path} is no Python file; one that ends in .py is needed"
             )
         module = importlib.util.module_from_spec(spec)
+
         # as any other module: a plug-in may look itself up
         sys.modules[spec.name] = module
         try:

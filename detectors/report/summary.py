@@ -211,6 +211,7 @@ def _verdict_lines(verdicts: Sequence[Verdict]) -> list[str]:
         sizes = [f"S ({units})", "J"]
     else:
         sizes = []
+
     # of a loop of unknown kind a note says so once
     if any(v.applicable is not None for v in verdicts):
         applies = ["applicable"]

@@ -79,6 +79,7 @@ def _fill_crossings(x, band, at):
     changes = 0
     beyond = 0
     up = x.size > 0 and x[0] > 0.0
+
     # samples before a change of sign, since the signal was last beyond the band
     change = np.empty(x.size, dtype=np.int64)
     for k in range(x.size):

@@ -75,6 +75,7 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     hop = segment // 2
     pieces = np.lib.stride_tricks.sliding_window_view(x, segment)[::hop]
     pieces = (pieces - pieces.mean(axis=1, keepdims=True)) * _hann_window(segment)
+
     # sixth powers of the record's numbers leave the range of doubles; a power of two changes no bit
     # of the ratios
     pieces = np.ldexp(pieces, -np.frexp(np.abs(pieces).max())[1])

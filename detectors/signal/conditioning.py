@@ -101,6 +101,7 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
     last = int(np.floor(n - 1 - half))
     if last < first:
         return np.full(n, x.mean())
+
     # running integral of the linearly interpolated signal, read half a period earlier and later
     total = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]))])
     inner = np.arange(first, last + 1)

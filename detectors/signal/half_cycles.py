@@ -131,6 +131,7 @@ def peak_areas(humps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     shift = np.where(bend < 0.0, 0.5 * (left - right) / np.where(bend < 0.0, bend, 1.0), 0.0).clip(
         -0.5, 0.5
     )
+
     # each sample represents one part; the part that holds the peak is shared
     total = np.cumsum(humps, axis=1) / points
     before = total[row, top] - (0.5 - shift) * middle / points

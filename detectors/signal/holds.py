@@ -115,6 +115,7 @@ def _measure_bends(x: np.ndarray, unit: float, noise: float) -> tuple[np.ndarray
     exact = 1e-6 * (float(np.ptp(x)) or 1.0)
     tolerance = max(2.1 * unit, exact)
     noisy = tolerance <= _NOISY * noise
+
     # what has come to rest is straight by itself, but noise never rests
     if noisy:
         least = 0.0

@@ -117,6 +117,7 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     high = float(op.max())
     if not high > low:
         return None
+
     # what counts as a reversal shall not hang on the unit
     x = snapped((op - 0.5 * (low + high)) / (high - low))
     at = np.empty(x.size, dtype=np.int64)
@@ -126,6 +127,7 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
         count[i] = turn(x, least, at) - 1
         if count[i] < _SWINGS:  # the more is asked for, the fewer are left
             break
+
     # [i, j]: as many are left at j as at i; before i it does not matter, and behind the last none
     # is
     held = ((count * _FEWER >= count[:, None]) & (count >= _SWINGS)) | _BEFORE
@@ -251,6 +253,7 @@ def _judge_acf(x: np.ndarray, rho: np.ndarray, Ts: float) -> Oscillation:
     band = 1.96 * math.sqrt((1.0 + 2.0 * float(rho[1:first] @ rho[1:first])) / x.size)
     at = zero_crossings(rho, band, _CROSSINGS)
     lobes = (at[1:] - at[:-1]).tolist()
+
     # the list ends where the ACF has died out
     if len(lobes) > 2:
         longest = 2.0 * sorted(lobes[:3])[1]

@@ -116,6 +116,7 @@ def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
     alike. An index below 1 is no proof of a linear loop.
     """
     cycle = int(min(_SAMPLES_PER_CYCLE, period))
+
     # the end of the record, where transients have died; matched before it is thinned out: half a
     # sample of ten leaks
     x = end_matched(x[-int((_CYCLES + 2.5) * period) :], period)

@@ -64,6 +64,7 @@ def valve_follow(op: np.ndarray, position: np.ndarray, limits=(0.0, 100.0)) -> F
     stretch = Stretch(op, y - y.mean(), q, n, _DELAYS + 2, n, 1.0, *(float(x) for x in limits))
     S = np.append(0.0, np.repeat(_S_SHARES * np.ptp(op), _J_SHARES.size))
     J = np.append(0.0, S[1:] * np.tile(_J_SHARES, _S_SHARES.size))
+
     # every valve with every start and lag
     starts = np.array([MOVING_UP, MOVING_DOWN, 0.0])
     shape = (3, _TIMES.size, S.size)

@@ -177,6 +177,7 @@ def _auc_variance(score: ArrayLike, positive: np.ndarray) -> tuple[float, float]
     ups, downs = class_counts(places, positive)
     m = int(ups.sum())
     n = int(downs.sum())
+
     # twice the negatives below a positive, and the positives above a negative, ties half
     below = 2 * np.cumsum(downs) - downs
     above = 2 * m - (2 * np.cumsum(ups) - ups)

@@ -102,6 +102,7 @@ def catalogue(what: str) -> list[dict[str, Any]]:
         from simbench.scenarios.packaged import grid_names
 
         return [_grid_row(load_grid(name)) for name in grid_names()]
+
     # here, for other verbs load neither valves nor figures
     from simbench.detectors.plugins.registry import methods
     from simbench.figures._folder import FIGURES

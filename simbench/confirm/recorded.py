@@ -175,6 +175,7 @@ def _read_holds(
     steps = np.diff(op)
     error = float(np.sqrt(np.mean(errors**2)))
     gain = abs(float(np.polyfit(op, seen, 1)[0]))
+
     # in the direction of each step, so that noise is no motion; a slope's error is that of a mean
     # times the square root of 12
     way = max(gain * float(np.abs(steps).sum()), 1e-300)
@@ -209,11 +210,13 @@ def _explaining_bands(one: _Readings) -> _Bands:
     parts = [_fit_valves(one, part) for part in np.array_split(valves, len(valves) // _AT_ONCE + 1)]
     left, lost, sure = (np.concatenate([part[k] for part in parts]) for k in range(3))
     S = valves[:, 0]
+
     # motion is lost between nothing and S, but for what noise makes of it
     left = np.where((lost >= -sure) & (lost <= S + sure), left, np.inf)
     best = int(np.argmin(left))
     variance = max(float(left[best]) / max(one.op.size - _NUMBERS, 1), one.error**2)
     kept = left <= left[best] + _WORSE * variance
+
     # between two distances that OP went, all S are alike
     went = np.unique(np.abs(np.subtract.outer(one.op, one.op)))
     below = went[went <= S[kept].min()].max()

@@ -161,6 +161,7 @@ class _Manual:
         self.op = setup.op0
         self.k = 0
         settle = int(np.ceil((setup.Td + _SETTLED * sum(lags)) / self.Ts))
+
         # an engineer waits until half a small step would show in the noise
         answer = abs(setup.num[-1] / setup.den[setup.den != 0][-1]) * increment / 2
         self.window = 10
@@ -241,6 +242,7 @@ class _Manual:
             reason = (
                 f"the valve sticks: stick band S = {back:.3g} %, slip-jump J = {same:.3g} %{cycles}"
             )
+
         # a sum of steps may be too large by one
         if back is None:
             S = None

@@ -55,6 +55,7 @@ def draw_flow(table: pd.DataFrame, taken: Collection[tuple[str, str]] = ()) -> F
         if row["target"] not in conclusions:
             ends[row["source"]].append(row["target"])
             conclusions[row["target"]] = row["verdict"] + "\n" + textwrap.fill(row["next"], 52)
+
     # rows from the top, as high as their texts
     heights = {}
     for name, text in {**texts, **conclusions}.items():

@@ -95,6 +95,7 @@ class Loops:
                 f" unstable without friction; less than {Kc * gain:.3g} is needed"
             )
         self.retuned += 1
+
         # as far below the margin of stability as the figure's own loop
         before_margin = ultimate_gain(sampled_loop(_loop_of(before, n, {}))) or 1.0
         own["Kc"] = self.last[COLUMNS["Kc"]] = Kc * gain / before_margin

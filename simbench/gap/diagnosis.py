@@ -141,6 +141,7 @@ def diagnose_all(
             for n in new.notes:
                 if n not in old.notes:
                     said.append(n)
+
     # thousands of tiny matrices: threads would only wait for each other
     with one_thread():
         controls = [check_healthy(one, baseline) for one in healthy]
@@ -230,11 +231,13 @@ def _assess_one(
     if ordinary is not None:
         completions = completions + [ordinary.note(loop, record.duration)]
         loop = ordinary.stated_in(loop, record.Ts)
+
     # 2. what the record shows without any likelihood
     situation = check(record, loop, trusted="plant" in given, tuned="controller" in given)
     situation = replace(situation, notes=situation.notes + completions)
     if ordinary is not None:
         situation = ordinary.ordinary_in(situation)
+
     # 3. does friction explain the record better than other loops, with nothing known of its loop?
     loops: CandidateLoops | Refusal | None = None
     friction = None
@@ -250,6 +253,7 @@ def _assess_one(
         loops = Refusal(str(why))
         situation.notes.append(f"{FRICTION}: cannot tell, {why}")
         friction = None if situation.trusted else 0.0
+
     # 4. every effect fitted and scored
     return assess(situation, friction, alone, seed), loops
 

@@ -55,6 +55,7 @@ def controller_term(s: Situation, first: int) -> Term | None:
     ) or s.baseline.controller.type == "PID":
         # a PID's terms are in the baseline
         return None
+
     # an archive may store PV before the controller ran; where no law is exact, nothing has shown
     # that yet
     aligned = [_Controller(s, late) for late in sorted({law.late, 1})]
@@ -64,6 +65,7 @@ def controller_term(s: Situation, first: int) -> Term | None:
         for guess in one.guesses():
             terms.append(one.derivative(guess, first, plain))
     best = max(filter(None, terms), key=lambda one: one.nats, default=None)
+
     # a mean of the archive's looks like a term of the controller, but explains less
     if law.averaged:
         least = -np.log(MEAN_EXPLAINS) * (s.record.n - first)
@@ -182,6 +184,7 @@ class _Controller:
         share = float(idle.mean())
         if not _IDLE < share < 0.95:
             return None
+
         # what the error was when the controller last ran, and (bumpless return) just before; each
         # form of the integral
         last = np.maximum.accumulate(np.where(idle, 0, np.arange(idle.size)))[:-1]

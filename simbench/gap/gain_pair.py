@@ -100,6 +100,7 @@ def _compare_records(
     except UserError as error:
         what = describe_change(*phases)
         return "no_decision", f"{what}; what a sound valve would do is unknown: {error}"
+
     # a loop identified after the change has the new gain already
     factors = ((1.0, ratio), (1.0 / ratio, 1.0))
     sound = [(one.alone, 0.0, f) for one, f in zip(loops, factors)]

@@ -112,6 +112,7 @@ def propagated(t, Ts, p, rng):
     if p.lag > 0:
         keep = math.exp(-Ts / p.lag)
         wave = np.asarray(lfilter([1 - keep], [1, -keep], wave))
+
     # scaled on the warm-up alone: a longer run must begin with the same bits
     warm = wave[warm_up // 2 : warm_up]
     half_swing = np.ptp(warm) / 2
@@ -144,6 +145,7 @@ def _other_loop(
             "noise": {"std": noise * J},
         }
     )
+
     # it starts on its cycle, which from rest it might never reach: the valve has just stopped at
     # +j, OP at its maximum
     top = 50.0 + S / 2 + 0.1 * j

@@ -103,6 +103,7 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
     p = resolve(SHAPES, given, f"disturbance {NAME!r}")
     op, _, mv = signals_of(donor)
     error = mv - stages_response(tuple(own.valves), op, donor.op0)
+
     # of warm-up and record together: a record that begins earlier must have the same load
     moved = motion(mv[mv.size // _SETTLING :], least_swing(donor.bands) / 4.0)
     period = moved.period
@@ -169,6 +170,7 @@ def _low_pass(x: np.ndarray, cut: float, period: float) -> np.ndarray:
     fourth = square * square
     gain = 1.0 / (1.0 + fourth * fourth * fourth)
     spectrum = np.fft.rfft(padded)
+
     # parts apart: a product of complex numbers is rounded once or twice, as the processor has it
     spectrum.real *= gain
     spectrum.imag *= gain

@@ -69,6 +69,7 @@ def motion(mv: np.ndarray, least: float) -> Motion:
     """Find where a valve turns back by more than `least`."""
     v = np.asarray(mv, dtype=float)
     moves = np.flatnonzero(v[1:] != v[:-1])
+
     # the only candidates: last samples of a stay between a move up and a move down
     up = v[moves + 1] > v[moves]
     turn = np.flatnonzero(up[1:] != up[:-1]) + 1

@@ -65,6 +65,7 @@ def table_of(system) -> dict:
     import control
 
     tf: Any = control.tf(system)
+
     # True: discrete, of no stated period
     if tf.dt is True or not tf.dt:
         stated = {}
@@ -133,6 +134,7 @@ def _like_of_samples(plant: Plant) -> Plant:
     den = np.array(plant.den)
     if plant.integrating:
         den = np.cumsum(den)[:-1]  # without the pole at z = 1
+
     # of lags in samples: num holds lag 1 and later, den lag 0 and later
     (delay, spread) = _lag_moments(num, 1)
     (after, less) = _lag_moments(den, 0)

@@ -54,6 +54,7 @@ class ResolvedLoop:
             else:
                 setup.add_load(*disturbance_signal(part, setup.end, setup.Ts, stream))
         self._apply_effects(setup)
+
         # last, because effects may change the strength of the noise
         setup.draw_noise(quiet)
         return setup

@@ -57,6 +57,7 @@ def look_up_parts(loop: Loop, tf: Any = None) -> LoopParts:
         num, den = plant.polynomials(loop.plant)
     else:
         num, den = linear_plant(*own)
+
     # the sign of a law in powers of z is that of its num
     signs = loop.controller.type != "tf" and (own is None or hasattr(own[0], "linear"))
     if signs and loop.controller.sign * num[-1] / den[den != 0][-1] < 0:

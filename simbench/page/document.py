@@ -184,10 +184,12 @@ def inline_svg(figure: Figure, name: str, caption: str) -> Markup:
     text = re.sub(r"\s+", " ", buffer.getvalue()).replace("> <", "><")
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text)
+
     # black follows the page's text colour and white its ground, so that one picture serves light
     # and dark
     text = re.sub(r"(stroke|fill): #000000", r"\1: currentColor", text)
     text = re.sub(r"(stroke|fill): #ffffff", r"\1: var(--page)", text)
+
     # ids are unique within one picture only
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = re.sub(r'(href="#|url\(#)', rf"\g<1>{name}-", text)

@@ -64,6 +64,7 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     """
     found: list[HalfCycle] = []
     tried: set[int] = set()
+
     # OP turns when the dead time has passed, or later in a slow loop
     if loop.resticks:
         m = 1
@@ -92,6 +93,7 @@ def _with_moving_samples(
 ) -> Iterator[tuple[HalfCycle, np.ndarray]]:
     """Yield candidates, their amplitude and multiplier left open, each with its map Y."""
     c = loop.order + 2
+
     # of z one sample before break-away and of 1: state after the move and the dead time
     head = np.zeros((c, c + 1))
     plant = (loop.A, loop.B_old, loop.B_new, loop.C)
@@ -126,6 +128,7 @@ def _solve_half_cycle(
             if (samples >> bit) & 1:
                 Y[i] = power @ Y[i]
     mirrored = Y + np.eye(c, c + 1)
+
     # mean OP around the break-away that began the half cycle
     threshold = -0.5 * (Y[:, -2] + (T @ Y)[:, -2])
     threshold[:, -2] -= 1.0
@@ -196,6 +199,7 @@ def _residual_by_kernel(head, T, powers, fs, q, Y, other, rows):
         rows[c - 1, j] = -0.5 * (Y[c - 2, j] + other[c - 2, j])
     rows[c - 1, c - 1] -= 1.0
     rows[c - 1, c] += fs
+
     # Gauss with the largest pivot of each column; what is left in the last column is -z
     for k in range(c):
         top = k
@@ -238,6 +242,7 @@ def _multiply_into(a, b, out):
 
 def _largest_multiplier(Y: np.ndarray, T: np.ndarray, half: HalfCycle) -> float:
     z = np.append(half.x, [half.op, half.mv])
+
     # a deviation of z moves the next break-away in time: dn/dz from the threshold there, then the
     # total derivative
     growth = T @ Y - Y
@@ -248,6 +253,7 @@ def _largest_multiplier(Y: np.ndarray, T: np.ndarray, half: HalfCycle) -> float:
         later = -threshold[:-1] / speed
     else:
         later = np.full(z.size, np.inf)
+
     # a candidate may grow without bound; it is dropped below
     with np.errstate(over="ignore", invalid="ignore"):
         total = Y[:, :-1] + np.outer(growth[:, :-1] @ z + growth[:, -1], later)

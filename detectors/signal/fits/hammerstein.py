@@ -102,17 +102,21 @@ class _Search:
         start, stop = strongest_segment(
             op, period, min(op.size, int(reach[0] * period), reach[1] * q)
         )
+
         # from the highest OP of the first cycle on: there a cycling valve has just been moving up
         start += int(np.argmax(op[start : start + max(min(round(period), (stop - start) // 4), 1)]))
         n = (stop - start) // q
+
         # a copy: kernels would be compiled anew for read-only arrays
         self.op = np.array(op[start : start + n * q], dtype=float)
         y = pv[start : start + n * q].reshape(n, q).mean(axis=1)
         half = max(round(self.period / 2), 1)
+
         # the valve of one sample acts on PV in the next; after averaging, within the same
         least = 1 if q == 1 else 0
         self.delays = np.arange(least, least + max(round(0.6 * self.period), 2))
         first = min(round(0.3 * n), round(2.5 * self.period)) + int(self.delays[-1]) + 1
+
         # a controller lowers OP when PV rises if the plant's gain is positive
         self.sign = 1.0 if np.diff(op[start:stop]) @ np.diff(pv[start:stop]) < 0 else -1.0
         self.swing = swing(self.op, period) or float(np.ptp(self.op)) or 1.0
@@ -232,6 +236,7 @@ def fit_hammerstein(
         poles = np.array([1.0])
     else:
         poles = np.append(full.poles(_TIMES), 1.0)
+
     # a valve without friction follows OP under either map
     linear = float(full.scan(0.0, 0.0, 0.0, MOVING_UP, poles, 0, full.delays.size)[0].min())
     ends = _fit_best_map(short, full, poles)
@@ -263,6 +268,7 @@ def _fit_best_map(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     which = which[_ROWS, kept]
     at = at[_ROWS, kept]
     ends = _improve_plants(short, _Ends.at(tried, S, J, poles[which], at), integrating)
+
     # noise on OP cuts valleys of 1 % of S: a dense grid with a good plant finds them, a descent
     # does not
     S, J = _grid_of_valves(_FINE_GRID, full.swing)
@@ -407,6 +413,7 @@ def _ranges_of_sizes(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarr
     plant make up for it.
     """
     start = _restart_ends(search, best)
+
     # first the valley itself, then one for every J
     ends = _Ends(*(np.repeat(x, 1 + len(_J_PROFILE), axis=1) for x in start))
     ends.J[:, 1:] = np.array(_J_PROFILE) * ends.S[:, 1:]
@@ -414,6 +421,7 @@ def _ranges_of_sizes(search: _Search, best: _Ends) -> tuple[np.ndarray, np.ndarr
     tried = search.descend(
         ends, np.where(fixed, 0.05, 0.02), np.where(fixed, 0.012, 0.005), 3, fixed
     )
+
     # every half cycle counts as one independent piece of evidence
     least = (
         tried.error.min(axis=1, keepdims=True) * (1.0 + 3.84 / max(2.0 * search.cycles, 4.0))

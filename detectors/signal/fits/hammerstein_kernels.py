@@ -315,6 +315,7 @@ def product(y, first, m, top, x, sxy):
     wide()
     for c in range(LANES):
         sxy[c] = 0.0
+
     # four samples a turn: LLVM unrolls a shorter loop over the lanes before it could become
     # instructions for many
     whole = m - m % 4
@@ -458,6 +459,7 @@ def _advance_search(search, steps, least, e):
             search[_BEST + c] = search[_BASE + c]
         search[_AT] = 0.0
         search[_ROUNDS] += 1.0
+
     # an oscillation that died out leaves a valley without end, down which ever smaller steps would
     # walk for minutes
     if search[_WIDTH] <= least or search[_ROUNDS] > _MOST_ROUNDS:

@@ -156,6 +156,7 @@ class _Data(NamedTuple):
         first = count - n
         whole = float(self.rest @ self.rest)
         found = self.shifted @ v
+
         # by dead time: the first position of each window, which came with it, and the one behind
         # its last, which went
         came = v[:, first - 1 - np.arange(_LATE + 1)]
@@ -178,6 +179,7 @@ class _Data(NamedTuple):
             # OP of a loop is a sum of PV: of two positions nothing new is left but one
             alone = np.maximum(one * one / a, two * two / c)
         explained = np.where(room > _TWO * a * c, pair, alone)
+
         # where PV's past knows where the valve stands nothing is new
         errors = whole - np.where(np.minimum(a, c) > _NEW * n, explained, 0.0)
         late = errors.argmin(axis=1)
@@ -265,11 +267,13 @@ def _orthonormal_rows(rows: np.ndarray, of_pv: int) -> tuple[np.ndarray, np.ndar
     """
     # upright: of a matrix that lies LAPACK takes twice as long
     left, sizes, right = np.linalg.svd(rows[:of_pv].T, full_matrices=False)
+
     # what a smooth past repeats to this share is rounding
     kept = sizes > _SMALL * sizes[0]
     basis = left.T[kept]
     weights = np.zeros((int(kept.sum()), len(rows)))
     weights[:, :of_pv] = right[kept] / sizes[kept, None]
+
     # in a loop some of OP's past is a sum of PV's: what is left of it is rounding
     for k in range(of_pv, len(rows)):
         once = basis @ rows[k]

@@ -118,6 +118,7 @@ def check_books(
         size = each.transform("size")
     else:
         size = pd.Series(len(tests), index=tests.index)
+
     # an unchanged detector gives the same answers on the same records: only what changed can fail
     # by chance
     if basis == "equal":

@@ -185,10 +185,12 @@ def _table_of_moves(check: Check) -> pd.DataFrame:
     tests = check.tests
     same = (tests["before"] == tests["now"]) | tests[["before", "now"]].isna().all(axis=1)
     changed = tests[~same]
+
     # the rows that the first sentences speak of come first
     told = {(row["method"], row["truth"], row["what"]) for row in _worse_methods(tests)}
     keys = zip(changed["method"], changed["truth"], changed["what"], strict=True)
     order = changed.assign(_later=[key not in told for key in keys])
+
     # what is true of a loop by one truth mostly is by the other, and a detection lost is often a
     # miss: of such twins the plainer one is shown, the one of the truth 'cycled' where both are
     order["_side"] = [_SIDES.get(what, what) for what in order["what"]]

@@ -133,6 +133,7 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
     scenarios = []
     verdicts = []
     held = []
+
     # one thread per worker: with more, sums in linear algebra come out in another order
     with one_thread():
         for index in groups:

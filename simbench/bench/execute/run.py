@@ -119,6 +119,7 @@ def run_scored(
     plan = read_plan(grid, options)
     files, parts = _plugin_files(options)
     asked, own = named_methods(methods)
+
     # read before any plug-in runs, as one may move the file it is in
     digests = digests_of(("", files), *zip(KINDS_OF_PART, parts))
     sources = {}

@@ -44,6 +44,7 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
     assert whole is not None
     setup, op, pv = whole
     n = setup.end
+
     # PV as the known noise and load leave it to the valve, and the inflow that load adds to MV's
     left = pv - setup.pv0 - setup.load_out[:n]
     load = np.array(setup.load_in[:n])
@@ -51,6 +52,7 @@ def judge_oracle(scenario: Scenario, run: Run) -> Verdict:
         setup.noise_std**2
         + (_FLOOR * max(float(np.ptp(pv)), 1e-3 * float(np.abs(pv).max()), 1e-9)) ** 2
     )
+
     # the valve rests under the OP before the first
     record = Stretch(np.append(setup.op0, op), left, 1, 0, 0, n, 1.0, 0.0, 100.0)
     b, a, delay = _transfer_function(setup)

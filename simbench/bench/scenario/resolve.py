@@ -312,6 +312,7 @@ def _own_sampling(draft: Draft, twin: Loop, cycle: Cycle) -> Loop:
     own = cycle.period
     per = draft.rules.samples_per_period
     loop = _apply_rules(draft, twin, cycle, own)
+
     # what stands still but for the twin's own valve has the twin's period, but for what the noise
     # does to it
     same = draft.loop.valve.name == twin.valve.name

@@ -235,6 +235,7 @@ def compare(
     """
     if truth not in TRUTHS:
         raise UserError(f"truth {truth!r} is unknown: {nearest(truth, TRUTHS)}")
+
     # loops with a label
     side = _Side.of(book, truth, np.flatnonzero(book.truth[truth] >= 0))
 

@@ -45,8 +45,10 @@ def sides(rows: pd.DataFrame) -> Any:
     said = rows["sensitivity"].notna() & rows["false_positives"].notna()
     rows = rows.loc[(rows["kind"] < 2) & said]
     begins = ~rows["group"].eq(rows["group"].shift())
+
     # each group stands a line apart, under its name
     places = -(np.arange(len(rows)) + (begins & rows["group"].ne("")).cumsum().to_numpy())
+
     # of files and pages, which no window waits for: pyplot would keep it
     size = 8.0, 1.3 - 0.24 * min(places, default=0)
     whole = Figure(figsize=size, dpi=_DPI, layout="constrained")

@@ -56,6 +56,7 @@ def rank_methods(
         place = np.unique(groups, return_inverse=True)[1]
     centred = earned - earned.mean(axis=1, keepdims=True)
     shares = np.array([np.bincount(place, row) for row in centred])
+
     # one success and one failure added: few loops never show a rate exactly
     alone = np.array([np.var(np.r_[row, 0.0, 1.0]) for row in earned])
     together = ((shares[:, None] - shares[None]) ** 2).sum(axis=2) / n

@@ -75,6 +75,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
     failing = failing_methods(book, allow_failed)
     everyone = list(answers_of(book)) + reference
     answers = long_table(everyone)
+
     # what the classifier says is not known where a run was stored without what it sees
     if reference:
         blind = reference[0].said
@@ -82,6 +83,7 @@ def score_book(book: RunArrays, undecided: float = UNDECIDED, allow_failed: floa
         blind = np.full(book.ids.size, _UNKNOWN)
     sample = _Sample.of(book, everyone, blind)
     process = np.select([book.axes["process"] == x for x in ("foptd", "integrating")], [0, 1], 2)
+
     # 0 does not oscillate, 1 does, 2 is not ranked
     going_on = np.where(book.apart, 2, book.oscillating)
     labels = {truth: book.truth[truth] for truth in TRUTHS}
@@ -300,6 +302,7 @@ def _mean_of_groups(
         return math.nan if of_all is None else of_all, least, 1.0
     mean = float(values.mean())
     shares = np.bincount(groups, values - mean)
+
     # one value of 0 and one of 1 added: few loops that all cost the same do not show the cost
     # exactly
     size = values.size + 2
@@ -339,6 +342,7 @@ def _count_left_out(
     words = [book.truth["cycled_word"] == word for word in _LEFT_OUT]
     kind = np.select(words + [book.truth["cycled"] >= 0], [0, 1, 2], 3)
     counts = counted(answers, of=kind)
+
     # the last of the three: with a truth, and not covered
     counts = counts[(counts["of"] < 3) & (counts["applies"] == (counts["of"] < 2))]
     by = counts.pivot_table("count", ["method", "of"], "said", "sum", fill_value=0)

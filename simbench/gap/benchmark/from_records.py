@@ -169,6 +169,7 @@ def plan_of_records(
         )
     if isinstance(seed, str) or not 0 <= seed < 2**63 or seed != int(seed):
         raise ParameterError(f"seed = {seed}: a whole number from 0 is needed")
+
     # before the loops are identified, which takes seconds each
     if out.is_dir() and any(out.iterdir()) and not options.get("resume"):
         raise ParameterError(

@@ -334,6 +334,7 @@ def tell_apart(
         p = cross_val_predict(
             model, features, label, groups=units, cv=folds, method="predict_proba"
         )[:, 1]
+
     # both kinds count as much
     certain = 0.5 * (p[label].mean() + 1.0 - p[~label].mean())
     return auc(p, label), float(certain)

@@ -143,6 +143,7 @@ def _with_shown_law(s: Situation, loop: Loop) -> Iterator[Copy]:
     if law is None:
         return
     left = (law.left + law.constant).tolist()
+
     # the period that the file states: that of the record may differ from it by its clock
     Ts = loop.sampling.Ts
     piece = _piece_lengths(op, law.left.size)[0] * Ts
@@ -395,6 +396,7 @@ def _stable_models(
     lagged += [x[_MOST - j : x.size - j] for j in driven]
     X = np.column_stack(lagged + [np.ones(rows)])
     now = y[_MOST:]
+
     # of an orthogonal basis every order is a few columns
     R = np.linalg.qr(np.column_stack([X, now]), mode="r")
     for past, last in orders:

@@ -242,6 +242,7 @@ def measure(
         return Shrinkage(b, r, a, f, False, None, 0.0, 0.0, per, at_plant)
     rng = np.random.default_rng([seed, 41])
     draws = []
+
     # features move together from record to record, which drawing them one by one would average away
     chance = [chance_of(runs[0], spread), chance_of(runs[2], spread)]
     for _ in range(_DRAWS):

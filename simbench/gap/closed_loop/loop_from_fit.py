@@ -240,6 +240,7 @@ def _resting_op(situation: Situation, fit: Fit) -> float:
         ahead = (float(np.mean(d.y)) - sp[0]) / gain
     else:
         ahead = (d.y[-1] - d.y[0]) / (gain * d.n)
+
     # a valve with memory moves as far as OP on average; its regression on OP over a cycle tells the
     # lag between them
     maps = fit.spec.valve == kernels.CURVE or fit.spec.moves is not None

@@ -143,6 +143,7 @@ def by_sums(
     X = np.column_stack([now, total])
     beta = solve_least_squares(X, out)
     bases = [out - X @ np.array([Kc - (1.0 - s) * Ki, Ki]) for s in FORMS]
+
     # rounding leaves +-step/2: what exceeds it is not explained
     rests = (out - X @ beta, min(bases, key=about_zero))
     left = (max(float(np.quantile(np.abs(r), 0.98)) / (0.5 * step) - 1.1, 0.0) for r in rests)

@@ -75,6 +75,7 @@ def examine_law(
             retimed = [form.retimed(op, pv, level) for form in forms]
             laws += [law_of(acts, pv, sp) for acts in retimed if acts is not None]
         known = [law for law in laws if law.known]
+
         # of forms that are exact alike the first, which the simulation runs
         return min(
             known,
@@ -111,6 +112,7 @@ def best_aligned(
             seen = np.append(seen[1:], pv[-1])
         tries.append(replace(other, recovered_pv=seen, late=1))
     tries += [examined(pv, shifted) for shifted in sps[1:]]
+
     # a law that is exact but for the set point's steps is only mended by what explains these
     if law.foreign and law.residual < EXACT:
         most = law.strays.size / 2
@@ -119,6 +121,7 @@ def best_aligned(
     known = [t for t in tries if t.known and t.strays.size <= most]
     if not known:
         return min((t for t in tries if t.foreign), key=lambda t: t.residual, default=law)
+
     # a mean explains much: it is believed where no alignment needs one, or only under another
     # tuning
     return min(known, key=lambda t: (t.tuning is not None, t.averaged, t.strays.size))
@@ -175,6 +178,7 @@ class _Examination:
         Kc = self.Kc
         per_pv = stated.per_pv
         self.op_is, self.pv_is = op_is, pv_is = read_lattice(op, pv), read_lattice(pv, op)
+
         # what an archive by exception repeats
         op_band = exception_band(op, max(op_is.unit, op_is.step))
         pv_band = exception_band(pv, max(pv_is.unit, pv_is.step))
@@ -184,12 +188,14 @@ class _Examination:
             self.size = size
         else:
             self.size = float(np.std(self.du)) or 1.0
+
         # what the digits of PV leave of the law counts as those of OP
         unit = max(op_is.unit, per_pv * pv_is.digits)
         limit = limits_of(op, self.e, Kc + self.Ki, -Kc, op_is.step, unit, self.hidden)
         lo = limit.get("lo", -np.inf)
         hi = limit.get("hi", np.inf)
         inside = (op > lo) & (op < hi)
+
         # the ends of the range are everybody's limits
         lo = lo if lo > 0.01 else 0.0
         hi = hi if hi < 99.99 else 100.0
@@ -197,8 +203,10 @@ class _Examination:
             self.limits = None
         else:
             self.limits = (lo, hi)
+
         # a controller that holds its integral at a limit leaves it by another step
         told = inside[1:] & inside[:-1]
+
         # of a value that an archive repeats nobody knows what it was
         of_pv = np.append(True, np.diff(pv) != 0.0) | (pv_band == 0.0)
         kept = inside & of_pv & (np.append(True, self.du != 0.0) | (op_band == 0.0))
@@ -316,6 +324,7 @@ class _Examination:
         fit, e = min(fits, key=lambda f: f[0].residual)
         if coarse:
             fit = by_sums(op, e, self.inside, Kc, Ki, step)
+
         # OP that mostly rests fits "no control at all" exactly
         self.collapsed = bool(abs(fit.a) < 0.02 * abs(Kc + Ki) and np.mean(du[rows] == 0.0) > 0.3)
         if written_unit(op) > 0.1 * CARD:
@@ -341,6 +350,7 @@ class _Examination:
         sp = self.sp
         if self.plain:
             law = replace(law, recovered_pv=self._recover_change(fit.a, fit.b))
+
         # a baseline that explains OP as well is the simpler truth
         if (fit.base < self.tolerance and self.coarse) or fit.base < 1.5 * fit.residual:
             law = replace(law, Kc=self.Kc, Ti=self.Ti or np.inf)
@@ -373,6 +383,7 @@ class _Examination:
         e = self.e
         Kc = self.Kc
         Ki = self.Ki
+
         # what the archive shows of PV: its lattice, samples on straight lines, and samples it kept
         grid = self.pv_is.coarse
         line = on_line(pv, self.pv_is.unit, self.noise) & (grid == 0.0)

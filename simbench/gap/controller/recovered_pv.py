@@ -62,6 +62,7 @@ def recover_pv(
         return None
     drive = np.append(0.0, np.diff(op) / a)
     out = e.copy()
+
     # between limits the inversion is a first-order filter; a controller that holds its integral at
     # a limit leaves it by another step
     for begin, end in runs_of(inside):

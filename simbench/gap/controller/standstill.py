@@ -93,6 +93,7 @@ def error_gap(still: np.ndarray, e: np.ndarray, rows: np.ndarray) -> float:
     """
     if still[rows].sum() < 8:
         return 0.0
+
     # still exactly when this error and the one before are inside the band
     reach = np.maximum(np.abs(e[1:]), np.abs(e[:-1]))[rows]
     still = still[rows]
@@ -141,6 +142,7 @@ def skips_scans(
     law = solve_by_majority(X, y)
     usual = about_zero(y) or 1.0
     left = float(np.quantile(np.abs(y - X @ law), 0.8))
+
     # nearly every move obeys, and would move OP where it stands
     asked = np.abs(np.column_stack([e[1:], e[:-1]]) @ law)[still & free]
     return bool(left < exact * usual and np.mean(asked > _FAR * left) > 0.5)

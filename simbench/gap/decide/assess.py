@@ -201,6 +201,7 @@ def _fit_model(s: Situation, maps: Maps) -> tuple[Engine, Fit, Maps]:
     given = _make_engine(by_op(s), {})
     without = given.base()
     more = base.loglik - without.loglik
+
     # what else MV could be is less likely than this
     maps = {e: (n - nats, q) for e, (n, q) in maps.items()} | {seen: (min(nats, more), p)}
     if more > 0.0:

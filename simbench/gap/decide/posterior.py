@@ -151,6 +151,7 @@ def posterior(
     known = known_by(rows)
     nats = nats_of(rows)
     apart = friction is not None
+
     # what is known takes the place of none: it is in every model
     if known:
         alone, least = (known[0], SECOND_NATS)
@@ -206,6 +207,7 @@ def posterior(
     sticks = any(map(is_friction, tuple(nats) + tuple(beside)))
     if not sticks:
         return out
+
     # where something is unknown, friction is what OP and PV show of it by themselves
     alone_nats = max((row.nats for row in rows if row.source == ALONE), default=-np.inf)
     return out.with_friction((1.0 - q) * share + q * float(expit(TEMPERATURE * alone_nats)))

@@ -25,6 +25,7 @@ def pole(where: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
             # noise remembers by itself
             theta |= {"noise_std": d.noise, "colour": 0.2}
         shortest = engine.bounds(spec, "Td")[0]
+
         # without the pole the base has lengthened Td and T in its stead
         points = []
         for x in lags:
@@ -32,6 +33,7 @@ def pole(where: str) -> Callable[[Engine, Fit], tuple[Fit, float]]:
                 for td in {plant["Td"], shortest}:
                     points.append({**plant, "tau": float(x), "Td": td})
         tries = engine.grid(spec, theta, points)
+
         # a long lag shows its worth only once the load has given way
         stated = plants(engine, base)[1]
         for x in lags[4::2]:

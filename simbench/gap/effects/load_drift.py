@@ -23,6 +23,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
         T = base.theta["T"]
     else:
         T = 0.0
+
     # a sine slower than the record bends
     bend = kernels.plant((4.0 * t * (1.0 - t)), T, 0.0, 0.0)
     line = kernels.plant(t, T, 0.0, 0.0)
@@ -34,6 +35,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
     best = engine.grid(
         spec, base.theta, [{"load_walk": size * f / np.sqrt(d.n)} for f in (1e-3, 0.03, 0.3, 1.0)]
     )[0]
+
     # the base's load had taken the drift's place
     quiet = {"load": 0.05 * best.theta["load"], "load_walk": 0.05 * size / np.sqrt(d.n)}
     quiet = {**best.theta, **quiet}

@@ -23,6 +23,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
             engine.fit(spec, fresh),
         ]
         best = max([best] + tries, key=lambda f: f.loglik)
+
     # less noise than stated is seldom less noise: something smooths it
     return best, 1.0 if best.theta["noise_std"] >= stated else _QUIETER
 

@@ -48,6 +48,7 @@ def fit(engine: Engine, base: Fit) -> tuple[Fit, float]:
                 value = level
                 keep = trial
         best = keep
+
     # the peak was picked out of n/2 others
     count = 2.0 + 2.0
     if max(coherence(x, 4 * n / best) for x in (data.y, data.u)) < _SWINGS:

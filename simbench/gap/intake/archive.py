@@ -52,8 +52,10 @@ def _op_strays(s: Seen) -> str:
     if s.law.hidden > 0.0:
         # what an archive by exception repeats is not what the controller saw or wrote
         marked[1:] |= (np.diff(s.op) == 0.0) | (np.diff(s.record.pv) == 0.0)
+
     # an end of OP's range is everybody's
     marked |= np.isin(s.op, (s.op.min(), s.op.max()))
+
     # what one sample does to a derivative fades with its filter
     c = s.baseline.controller
     fades = int(np.ceil(_FADED * (c.Td or 0.0) / (derivative_filter(c) * s.record.Ts)))
@@ -103,6 +105,7 @@ def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:
         band = size or 0.5 * float(np.std(np.diff(pv)))
     elif not hides_nothing(samples.digits, pv, s.noise):
         step = samples.digits
+
     # a mean over a sample is the archive's and no effect: the controller saw PV
     hidden = seen is not None and (law.averaged or (law.apart and (step or band)))
     plant_pv = seen if hidden else pv

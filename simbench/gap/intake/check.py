@@ -53,6 +53,7 @@ def check(
         where = f"record {record.tag!r}"
     else:
         where = "record"
+
     # a loop that is identified copies the archive with its repeats
     if trusted:
         record, slips = without_repeats(record)
@@ -100,6 +101,7 @@ def check(
     archive, plant_pv, mismatch = find_archive(seen)
     rounded, at = archive.rounding or (samples.hidden, "loop")
     resolution = rounded if at == "loop" else samples.resolution
+
     # what a block of the loop file is stated to do is not told from what else may happen there
     stated = sorted(part.name for part in baseline.effect)
     blocks = {block_of(e) for e in stated}

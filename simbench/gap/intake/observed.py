@@ -190,6 +190,7 @@ def data_of(seen: Seen, plant_pv: np.ndarray, resolution: float) -> Data:
     baseline = seen.baseline
     plant = first_order_like(baseline.plant)
     y, resolution = before_sensor(baseline, r.Ts, plant_pv, resolution)
+
     # the controller's runs within a sample take OP on its way to the next one
     early = 0.5 * (1.0 - 1.0 / seen.pace)
     data = Data(

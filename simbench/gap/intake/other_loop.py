@@ -58,6 +58,7 @@ def refuse_other_plant(s: Situation) -> None:
     known = data.T + data.Td
     if data.T > 0 and not (_is_another(gain / data.K) and _is_another(pace / known)):
         return
+
     # an integrating plant has a slope and a dead time; one that settles late in the record may well
     # be one
     if data.T == 0 and not (
@@ -70,6 +71,7 @@ def refuse_other_plant(s: Situation) -> None:
     base = engine.base()
     if base.loglik >= to_beat:
         return
+
     # one effect that does nearly as well is enough, and most are cheap
     for effect in (e for e in possible_effects(s) if _bends_plant(e)):
         if (

@@ -104,6 +104,7 @@ class Engine:
             self.fit(Spec(pink=True), pink, steps=20),
         ]
         best = max(tries, key=lambda f: f.loglik)
+
         # whole samples of dead time part the likelihood into valleys
         ends = [self.data.Td * (1.0 + NOMINAL * side) for side in (-1, 1)]
         tries = []
@@ -176,6 +177,7 @@ class Engine:
             y = before_filter(y, tau)
             tau = 0.0
         moved = d.shaped(valve_of(spec, theta, d.u))
+
         # the input before the record may have stood elsewhere
         inputs = [moved, d.shaped(self.onset)]
         if spec.valve in HOLDING:
@@ -430,9 +432,11 @@ class Engine:
         -log-likelihood where the plant answers nothing.
         """
         d = self.data
+
         # a plant of higher order is near enough as a later one: the best is fitted as it is
         model = self.noise_model(spec, theta)
         Td = theta["Td"] + d.lateness
+
         # a scan ranks maps without the walks
         model = model._replace(load_walk=0.0, walk=0.0)
         onset = kernels.plant(self.onset, model.T, Td, model.tau)

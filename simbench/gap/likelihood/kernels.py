@@ -168,6 +168,7 @@ def _add_response(v, T, Td, out, weight):
         b_old = late
     m, n = v.shape
     first = 0
+
     # four rows at once: one waits while the others compute
     while first + 4 <= m:
         v0 = v[first]
@@ -489,6 +490,7 @@ def _filter_channels(channels, F, h, gains, variances):
     x = np.zeros((s, m))
     x_new = np.zeros((s, m))
     nu = np.zeros(m)
+
     # F is a diagonal with a few couplings, and h is mostly zeros
     shows = np.zeros(s, np.int64)
     shown = 0

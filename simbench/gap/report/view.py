@@ -229,6 +229,7 @@ def compared(report: GapReport) -> dict[str, LoopRecord]:
     runs = report.behind.loops
     near = nearest(report)
     before, tuned, _ = runs.runs_with(report.named)
+
     # an identified loop needs no other calibration
     loops = {IDENTIFIED: before.loop}
     if before is not tuned:

@@ -59,6 +59,7 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> 
     step = is_written.step
     rounding = max(is_written.unit, is_written.step)
     spikes, heights = find_spikes(pv, rounding)
+
     # a spike is off the line of its neighbours, and in the line of four: where more is wide, that
     # is not the spikes but the tails of the noise
     most = min(5.0 * spikes.size / len(pv), 0.5)
@@ -67,6 +68,7 @@ def inspect_samples(pv: np.ndarray, *others: np.ndarray, noise: float = 0.0) -> 
         heights = heights[:0]
     band = exception_band(pv, rounding)
     moves = np.abs(np.diff(pv))
+
     # what moves by little more than the band each time rests within it by nature
     rough = band == 0.0 or float(np.median(moves[moves > 0.0])) > _ROUGH * band
     return Samples(

@@ -217,6 +217,7 @@ def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause
         why = f"{few} are too few to tell a line of the load from a resonance"
         return _without_line(known, prepared, why, 0.3)
     keeps = coherence(loops.record.pv, pace)
+
     # what keeps its phase no better than friction, or a tight loop, would tells nothing
     line = keeps > KEPT_OPEN and keeps > regularity.of_tuning(loops)
     as_much = ""

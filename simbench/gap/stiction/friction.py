@@ -318,6 +318,7 @@ def _weigh_friction(record: LoopRecord, known: Partial | None) -> Friction:
         return _likeliest_view(_assess_both_kinds(record))
     whole, given, _ = complete_baseline(record, known)
     s = check(record, whole, trusted=False, tuned="controller" in given)
+
     # MV is compared with OP by the whole diagnosis alone
     if record.mv is None:
         return _likeliest_view([_assess_few(s)])
@@ -407,6 +408,7 @@ def _likeliest_view(views: Sequence[Assessment]) -> Friction:
     sample.
     """
     nats = [{e: _price_samples(v, e) for e in (None, FRICTION)} for v in views]
+
     # the view in which each is likeliest
     at = {}
     for e in nats[0]:

@@ -84,6 +84,7 @@ def standing(op: np.ndarray, mv: np.ndarray) -> slice | None:
     """
     least = int(MV_STANDS_FOR * mv.size)
     rest = float(np.median(mv[-max(least, 1) :]))
+
     # a constant has neither digits nor noise
     if np.ptp(mv) > 0.0:
         near = least_band(mv)
@@ -128,6 +129,7 @@ def scale_of(search: MapSearch, fitted: tuple[float, float] | None) -> tuple[Sca
     grid = [(S, S * j, S * b) for S, j, b in product(_BANDS * float(np.ptp(op)), _SHARES, _STARTS)]
     near = _refine_lowest(op[part], mv[part], np.array(grid), 2 * _KEPT)
     valves = [(0.0, 0.0)] + list(() if fitted is None else (fitted,)) + list(near[:, :2])
+
     # where MV stands when the record begins is another number than in its part
     begun = np.array([(S, J, S * b) for S, J in valves for b in _STARTS + _NEARER])
     left, gain, offset = min(_scale_to_mv(op, mv, x) for x in _refine_lowest(op, mv, begun, _KEPT))

@@ -118,8 +118,10 @@ def _spread_of_sizes(levels: Levels, S: float, J: float) -> tuple[Size, Size]:
     [none] = levels(np.array([(1e-6 * S, 0.0, 0.0)]))
     best = float(value.max())
     near = points[value >= best - max(AS_GOOD * (best - none), REFITTED)]
+
     # up to the next size that was tried: the peak may lie between them
     step = float(np.exp(_OFF[0]))
+
     # friction that is next to none explains as much
     if none >= best - REFITTED:
         least = 0.0

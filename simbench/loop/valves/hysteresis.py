@@ -53,6 +53,7 @@ def step(u, state, p):
     p6 = play(x, state[6], p.S + 10.0 * more)
     p7 = play(x, state[7], p.S + 12.0 * more)
     p8 = play(x, state[8], p.S + 14.0 * more)
+
     # summed in pairs: equal plays then give their common value without rounding
     v = 0.125 * (((p1 + p2) + (p3 + p4)) + ((p5 + p6) + (p7 + p8)))
     return v, p1, p2, p3, p4, p5, p6, p7, p8

@@ -36,6 +36,7 @@ def step(u, state, p):
     v = state[0]
     d = 1.0 if x > v else -1.0
     left = p.Ts
+
     # distance within which the lag alone is slower than the limit
     if p.T > 0.0:
         near = p.rate * p.T
