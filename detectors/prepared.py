@@ -344,9 +344,12 @@ def prepare(record: LoopRecord) -> Prepared:
     not of each half. In a half an amplitude may fall as fast as in a whole record, and no faster.
     Every second, fourth, ... sample where a period has more than 250.
     """
+    # The whole record, if it oscillates
     whole = _at_density(record)
     if whole.oscillation.sustained:
         return whole
+
+    # Else its parts, at the density at which OP turns
     pace = _pace_of_op(record.op)
     step = 1
     while pace > _COARSEST * step:

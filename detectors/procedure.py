@@ -215,6 +215,8 @@ class ProcedureRules:
 def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:
     """Take a prepared record through the procedure; result as `diagnose`."""
     # From question to question until a conclusion stands
+
+    # From question to question until a conclusion stands
     course = _Course(prepared, rules)
     steps = []
     now = "quality"
@@ -227,6 +229,8 @@ def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:
     # The conclusion, with sizes only where stiction is found
     verdict, following = CONCLUSIONS[now]
     sticky = verdict == STICTION
+
+    # Everything that was asked on the way
     return Diagnosis(
         verdict,
         course.score,

@@ -45,6 +45,7 @@ def inspect(record: LoopRecord, oscillation: Oscillation | None = None) -> dict[
 
 
 def _yield_flags(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]:
+    # Signals that never change, or lie outside their span
     n = record.n
     alive = {}
     for name, x in (("op", record.op), ("pv", record.pv)):
@@ -58,6 +59,8 @@ def _yield_flags(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
                 "outside_span",
                 f"{name.upper()} lies outside {name}_span in {share:.0%} of the samples",
             )
+
+    # What the reader noted of gaps and modes
     for note in record.notes:
         if note.startswith("gaps"):
             if oscillation.sustained:
@@ -69,6 +72,8 @@ def _yield_flags(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
             )
         if note.startswith("mode") and "never in automatic" in note:
             yield Flag("manual", note)
+
+    # OP: moved by an operator, at a limit, or in steps
     if alive["op"]:
         changes = int(np.count_nonzero(np.diff(record.op)))
         if changes < max(3.0, _OPERATOR * n):
@@ -77,6 +82,8 @@ def _yield_flags(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
         if share > _SATURATED:
             yield Flag("saturated", f"OP stands at {limit:g} in {share:.0%} of the samples")
         yield from _flag_steps("op", record.op, steps(record.op, record.pv))
+
+    # PV, and both signals together
     if alive["pv"]:
         yield from _pv_findings(record, oscillation)
         step = np.abs(np.diff(record.pv))
@@ -88,6 +95,8 @@ def _yield_flags(record: LoopRecord, oscillation: Oscillation) -> Iterator[Flag]
             yield Flag(
                 "held", f"OP and PV repeat themselves together in {same.mean():.0%} of the samples"
             )
+
+    # A period with too few samples
     if oscillation.sustained and oscillation.period_s < _UNDERSAMPLED * record.Ts:
         yield Flag(
             "undersampled",

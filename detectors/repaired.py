@@ -89,6 +89,7 @@ def repair_record(record: LoopRecord) -> LoopRecord:
 
 def _without_wild(record: LoopRecord) -> LoopRecord:
     """Return the record with wild samples of OP and PV bridged."""
+    # Wild samples of either signal, each bridged
     bridged = {}
     notes = []
     for name in ("pv", "op"):
@@ -105,6 +106,8 @@ def _without_wild(record: LoopRecord) -> LoopRecord:
                 f"outliers: {what} of {name.upper()} {does} neighbours on both sides and"
                 f" {'counts' if count == 1 else 'count'} as missing"
             )
+
+    # A record without any is left as it is
     if not notes:
         return record
     mended = replace(record, **bridged)
@@ -160,6 +163,7 @@ def _in_ordinary_unit(record: LoopRecord) -> LoopRecord:
     """Return the record with PV, SP and PV's span in a unit in which PV's swing is an ordinary
     number.
     """
+    # The range of PV, and the power of ten that makes it ordinary
     low = float(record.pv.min())
     high = float(record.pv.max())
     if not low < high:
@@ -175,6 +179,8 @@ def _in_ordinary_unit(record: LoopRecord) -> LoopRecord:
     offset = offset if abs(offset) > _REMOTE * (high - low) else 0.0
     if factor == 1.0 and offset == 0.0:
         return record
+
+    # The note says what was done
     if offset:
         less = f" less {offset:g}"
     else:

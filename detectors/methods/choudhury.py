@@ -136,6 +136,7 @@ def detect(
     >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'no_stiction'
     """
+    # A bicoherence and a period are needed
     record = prepared.record
     period = prepared.oscillation.period_s / record.Ts
     higher = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))
@@ -151,6 +152,8 @@ def detect(
             NO_DECISION,
             reason="no period found in OP or PV: no cycle whose ellipse could be fitted",
         )
+
+    # Nonlinear by surrogates, or by the bicoherence
     if surrogate > 0.5:
         if period < 7 or record.n < 12 * period:
             return Verdict(
@@ -172,6 +175,8 @@ def detect(
         around = (1.0 / period, 1.0 / period)
     else:
         around = higher.peak
+
+    # Both signals band-passed about the frequencies that interact
     op = record.op if record.op_percent is None else record.op_percent
     step = resampling_step(period)
     op = means(op, step)
@@ -181,6 +186,8 @@ def detect(
         given or ellipse for given, ellipse in zip((low, high), boundaries(around), strict=True)
     )
     op = band_pass(op, low, high)
+
+    # The ellipse of the most regular cycles
     pv = band_pass(pv, low, high)
     cut = slice(*_most_regular(op))
     ellipse = fit_ellipse(op[cut], pv[cut])
@@ -189,6 +196,8 @@ def detect(
         fitness = ellipse.fitness(op[cut], pv[cut])
         S = ellipse.apparent_stiction
         indices |= {"fitness": fitness, "S_apparent": S}
+
+    # Linear, nonlinear without an ellipse, or both
     score = fitness * min(max(clear, 0.0), 1.0)
     if not bent:
         reason = f"no nonlinearity seen ({numbers}): tuning or an outside oscillation"
@@ -199,6 +208,8 @@ def detect(
             " problem"
         )
         return Verdict("choudhury", NO_STICTION, score, indices, reason=reason)
+
+    # A valve that moves over most of its travel may be bent as well
     reason = f"nonlinear ({numbers}) and {fitness:.0%} of the points on an ellipse"
     if record.op_percent is not None and np.ptp(record.op_percent) > _WIDE:
         reason += (

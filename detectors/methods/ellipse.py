@@ -74,6 +74,7 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
     >>> detect(Prepared(LoopRecord(np.sin(t), np.cos(t), 0.1)), **METHOD.defaults()).verdict
     'stiction'
     """
+    # Both signals about the peak of the bicoherence, or with a few harmonics
     record = prepared.record
     period = prepared.period
     if harmonics <= 0.0:
@@ -100,6 +101,8 @@ def detect(prepared: Prepared, *, fitness_low: float, harmonics: float = 3.0) ->
         ellipse = fit_ellipse(op[cut], pv[cut])
     else:
         ellipse = None
+
+    # How many points lie on the ellipse decides
     if ellipse is None:
         return Verdict(
             "ellipse", NO_STICTION, 0.0, {"fitness": 0.0}, reason="PV over OP is no ellipse"

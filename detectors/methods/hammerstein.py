@@ -148,6 +148,7 @@ def detect(
     >>> detect(Prepared(LoopRecord(op, -pv, 1.0)), **METHOD.defaults()).verdict
     'stiction'
     """
+    # Samples enough in a cycle, and an OP that moves
     record = prepared.record
     period = prepared.period
     if period < 8:
@@ -165,6 +166,8 @@ def detect(
     usual = swing(op, period)
     if usual <= 0.0:
         return Verdict("hammerstein", NO_DECISION, reason="OP stands still in most cycles")
+
+    # By one-step errors, on a grid
     if output_error <= 0.5:
         indices, fit = _one_step(op, pv, period, usual)
         S = indices["S_hat"]
@@ -178,6 +181,8 @@ def detect(
             S=S if sticks else None,
             reason=fit,
         )
+
+    # By simulation errors: what the sticky valve gains on a straight one
     model = prepared.share(
         "hammerstein",
         lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts),
@@ -199,6 +204,8 @@ def detect(
     # an integrating plant has no time constant
     T_s = model.T_s if math.isfinite(model.T_s) else math.nan
     indices |= {"T_s": T_s, "Td_s": model.Td_s}
+
+    # A loop that is moved from outside, a band that is negligible, or a gain that decides
     if model.error > 0.5:
         reason = (
             f"valve and plant explain only {1 - model.error:.0%} of PV: it is moved from outside"
@@ -216,6 +223,8 @@ def detect(
             indices,
             reason=f"S = {model.S:.2g} % is negligible; {fit}",
         )
+
+    # The sizes are ranges, as many valves fit about as well
     if score >= score_high:
         lowest, highest = model.S_range
         S = (lowest / _BEYOND, highest * _BEYOND)

@@ -93,12 +93,16 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
     d = np.diff(
         prepared.band("pv", period / float(np.clip(clear ** (1.0 / power), 3.0, 10.0))), order
     )
+
+    # The ends are left out, where the filter has no samples on both sides
     edge = round(period / 2)
     d = d[edge:-edge]
     if d.size < 60 or d.std() == 0.0:
         return Verdict(
             "horch_histogram", NO_DECISION, reason=f"{d.size} differences; at least 60 are needed"
         )
+
+    # Which density the differences have
     camel, gauss = density_errors(d, least_A)
     if camel + gauss > 0:
         score = camel / (camel + gauss)

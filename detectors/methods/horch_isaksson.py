@@ -90,6 +90,8 @@ def _filter_samples(u, y, a, b, noise, stay, standing):
     p_one = 1.0 - stay
     p_two = stay
     total = 0.0
+
+    # Each filter takes the sample, and each mode its probability
     for k in range(u.size):
         one, like_one = _update_filter(one, y[k], r)
         two, like_two = _update_filter(two, y[k], r)
@@ -99,6 +101,8 @@ def _filter_samples(u, y, a, b, noise, stay, standing):
         p_one = joint_one / (joint_one + joint_two)
         p_two = joint_two / (joint_one + joint_two)
         standing[k] = p_one
+
+        # The modes of the next sample, and what each filter predicts
         ahead_one = p_one * stay + p_two * (1.0 - stay)
         ahead_two = p_two * stay + p_one * (1.0 - stay)
         # what each mode inherits from both
@@ -164,6 +168,7 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     >>> detect(Prepared(LoopRecord(op, pv, 1.0)), **METHOD.defaults()).verdict
     'no_stiction'
     """
+    # Samples enough in a cycle, and an OP that moves
     record = prepared.record
     period = prepared.period
     if period < 8:
@@ -181,6 +186,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     scale = swing(op, period)
     if scale <= 0:
         return Verdict("horch_isaksson", NO_DECISION, reason="OP stands still in most cycles")
+
+    # The plant, and the stretch with the strongest oscillation
     plant = prepared.share(
         "hammerstein",
         lambda: fit_hammerstein(op, pv, period, prepared.integrating, limits, record.Ts),
@@ -190,6 +197,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
     n = (stop - start) // q
     u = op[start : start + n * q].reshape(n, q).mean(axis=1)
     y = pv[start : start + n * q].reshape(n, q).mean(axis=1)
+
+    # Both signals about their moving mean, and the pole at this pace
     half = max(round(period / q / 2), 1)
     u = (u - moving_mean(u, half)) / scale
     y = y - moving_mean(y, half)
@@ -206,6 +215,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
         (_error_of_plant(np.roll(u, d), y, a, half, plant.sign) for d in (late, late + 1)),
         key=lambda f: f[0],
     )
+
+    # Two models against one that always follows
     noise = max(math.sqrt(max(plant.error, 1e-4)), 0.02)
     standing, both = two_models(u, y, a, b, noise)
     following = two_models(u, y, a, b, noise, 1.0)[1]
@@ -215,6 +226,8 @@ def detect(prepared: Prepared, *, score_low: float, score_high: float) -> Verdic
         f"the valve stands still {share:.0%} of the time; two models gain {evidence:.2g} per sample"
         " on a following valve"
     )
+
+    # How long the valve stands still decides
     if share >= score_high:
         verdict = STICTION
     elif share <= score_low:

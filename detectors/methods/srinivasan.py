@@ -107,6 +107,8 @@ def warped_squares(pieces, shapes, band, out):
     cost = rows(n + 1)  # of the best path to each sample of the shape
     before = lanes()
     corner = lanes()
+
+    # Cycles of a block side by side, each against every shape
     for block in range(0, m, LANES):
         for c in range(LANES):
             for k in range(n):
@@ -130,6 +132,8 @@ def warped_squares(pieces, shapes, band, out):
                         before[c] = off * off + min(min(corner[c], above), before[c])
                         corner[c] = above
                         cost[place + np.uintp(c)] = before[c]
+
+            # The cost of the whole path
             for c in range(min(LANES, m - block)):
                 out[block + c, s] = cost[n * LANES + c]
 

@@ -65,6 +65,7 @@ def _follow_jumps(u, r, penalty, x):
     """Fill `x` with the best course; places are compared `LANES` at a time, of equal ones the first
     wins.
     """
+    # Room for the lines of all places, of which the lowest is the cheapest course
     n = u.size
     room = (n + LANES - 1) // LANES * LANES
     base = np.full(room, np.inf)
@@ -95,6 +96,8 @@ def _follow_jumps(u, r, penalty, x):
                 end = base[i] - twice[i] * R1 + (j + 1.0) * square[i]
                 place[c] = first + c if end < least[c] else place[c]
                 least[c] = end if end < least[c] else least[c]
+
+        # The lowest of the lanes, of equal ones the first place
         lowest = least[0]
         at = place[0]
         for c in range(1, LANES):
@@ -103,6 +106,8 @@ def _follow_jumps(u, r, penalty, x):
                 at = place[c]
         last = int(at)
         cheapest = lowest + R2 + penalty
+
+    # The course backwards, jump by jump
     stop = n
     while stop > 0:
         for k in range(last, stop):

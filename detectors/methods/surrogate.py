@@ -55,6 +55,7 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
     >>> detect(Prepared(record), **METHOD.defaults()).verdict
     'no_stiction'
     """
+    # The control error without its drift, of cycles with samples enough
     record = prepared.record
     period = prepared.period
     if period < 7:
@@ -68,6 +69,8 @@ def detect(prepared: Prepared, *, npi_low: float) -> Verdict:
     # surrogates of a clean cycle hang on the last digits, and these on the unit of PV
     test = nonlinearity_index(snapped(e / (float(np.ptp(e)) or 1.0)), period)
     nonlinear = test.npi > npi_low
+
+    # A strict cycle can be predicted, as its surrogates can: what is not seen is no proof
     numbers = (
         "nonlinear"
         if nonlinear

@@ -81,6 +81,7 @@ class PluginFolder:
         """Register a plug-in from one Python file outside the package, named after its stem;
         ParameterError where it cannot be used.
         """
+        # A name that is free, and a file that is Python
         path = Path(path)
         name = self._free_name(path)
         spec = importlib.util.spec_from_file_location(f"plugin_{name}", path)
@@ -101,6 +102,8 @@ class PluginFolder:
         ) as error:  # a plug-in may fail in any way; the user needs the file's name
             sys.modules.pop(spec.name, None)
             raise self._import_error(f"{self.kind} file {path}", repr(error)) from error
+
+        # It has what the folder asks of its parts
         self._files[name] = self._check_module(module, name)
         return name
 

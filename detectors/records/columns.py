@@ -337,6 +337,8 @@ def _columns_option(roles: Roles, *named: str) -> str:
 def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     """Return the column of time, by its name or by the stamps that it holds."""
     # by name, of the whole table before one of a signal
+
+    # By its name
     if "t" in chosen:
         return chosen["t"]
     times = []
@@ -355,6 +357,8 @@ def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
         if not times:
             table.notes += [f"time: {stamped[0]!r} holds time stamps"]
         return stamped[0]
+
+    # A counter, which may be the time
     clocks = _shows_time(table, "order")
     if clocks:
         cure = _columns_option({"t": clocks[0]}, "t")

@@ -49,6 +49,8 @@ class Sheet:
 def read_tables(path: Path, is_head: IsHead) -> dict[str, Sheet]:
     """Return the tables of a file: of a workbook the sheets with a header by name, else one."""
     # a file with something in it
+
+    # A file that is there and holds anything
     if not path.is_file() or path.stat().st_size == 0:
         if path.is_file():
             why = "is empty"
@@ -93,6 +95,8 @@ def read_texts(path: str | Path) -> Sheet:
 def table_of(columns: Any, where: str, row: str = "row") -> Sheet:
     """Return the table of a data frame, or of a mapping of names to arrays or lists."""
     # times may stand in the index of a frame; a text that repeats is kept once
+
+    # A frame of pandas, with its index where that has a name or holds times
     if hasattr(columns, "reset_index"):
         named = columns.index.name or columns.index.dtype.kind == "M"
         if named:
@@ -115,6 +119,8 @@ def table_of(columns: Any, where: str, row: str = "row") -> Sheet:
         if array.ndim != 1 or array.size != len(next(iter(cells.values()))):
             wrong = f"column {name} has shape {array.shape}"
             raise RecordError(f"{where}: {wrong}; columns of one length are needed")
+
+    # The rows that can be named in an error
     size = len(next(iter(cells.values()), ()))
     return Sheet(where, cells, range(size) if row == "row" else (), row)
 
@@ -170,6 +176,8 @@ def _refuse_large(path: Path, size: int) -> None:
 def _read_text(path: Path, is_head: IsHead) -> Sheet:
     """Read text by the separator under which a line names the signals."""
     # the encoding, which all of the file must have
+
+    # The encoding: UTF-16 by its mark, UTF-8, or Windows-1252
     data = path.read_bytes()
     wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if b"\0" in data[:4096] and not wide:
@@ -197,6 +205,8 @@ def _read_text(path: Path, is_head: IsHead) -> Sheet:
         except csv.Error as error:
             line = start + reader.line_num
             raise RecordError(f"{path}, line {line}: {error}; shorter cells are needed") from error
+
+    # What was found out about the file stands first
     table.delimiter = delimiter
     table.notes[:0] = notes
     return table

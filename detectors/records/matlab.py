@@ -78,6 +78,8 @@ def _is_vector(value: Any) -> bool:
 def _table_of(where: str, fields: dict[str, Any]) -> Sheet:
     """Return the signals of one loop, and what the file states about it."""
     # its vectors, as long as PV or as most of them; a set point may be one number
+
+    # Real numbers, under names in lower case
     for name, value in fields.items():
         if np.iscomplexobj(value):
             raise RecordError(f"{where}: {name} holds complex numbers; real ones are needed")
@@ -88,6 +90,8 @@ def _table_of(where: str, fields: dict[str, Any]) -> Sheet:
     for name, value in fields.items():
         if _is_vector(value):
             vectors[name] = value
+
+    # Signals are vectors as long as PV, or as most are
     sizes = Counter(value.size for value in vectors.values()).most_common(1)
     if _is_vector(low.get("pv")):
         most = np.size(low["pv"])
@@ -113,4 +117,6 @@ def _table_of(where: str, fields: dict[str, Any]) -> Sheet:
         "process": _PROCESSES.get(kind.lower().removesuffix(".0")),
         "Ts": float(low["ts"]) if isinstance(low.get("ts"), (int, float)) else None,
     }
+
+    # The table with what it says about itself
     return Sheet(where, columns, about=about)

@@ -76,6 +76,8 @@ def _of_stamps(stamps: np.ndarray) -> np.ndarray:
 def _of_numbers(t: np.ndarray, table: Sheet, name: str) -> np.ndarray:
     """Return seconds from numbers; without a unit they are seconds, unless no record counts so."""
     # in the unit that is named, or below the name
+
+    # In the unit that the file states
     unit = parse(name).unit or table.units.get(name, "")
     if unit and unit not in TIME_UNITS:
         raise RecordError(f"{table.where}: {name} is in {unit!r}; one of {', '.join(TIME_UNITS)}")
@@ -93,6 +95,8 @@ def _of_numbers(t: np.ndarray, table: Sheet, name: str) -> np.ndarray:
         if _THIS_CENTURY[0] < first / size < _THIS_CENTURY[1]:
             table.notes.append(f"time: {name} counts {word} since 1970")
             return t / size
+
+    # Days, or a time that no calendar has
     days = 0 < step < _DAY_STEP and any(low < first < high for low, high in _DAYS)
     if days or first > _THIS_CENTURY[1]:
         said = f"{table.where}: {name} begins with {first:.15g} and rises by {step:.3g}"

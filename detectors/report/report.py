@@ -70,6 +70,8 @@ class Report:
         method.
         """
         # what stands beside each verdict
+
+        # The conclusion and the event of every record
         concluded = {}
         for n, c in self.conclusions.items():
             concluded[n] = {"conclusion": c.as_json()}
@@ -147,6 +149,8 @@ class Report:
             One line per verdict, and how many methods said what.
         """
         # what was concluded, and what each method says
+
+        # The conclusions and methods, ranked where there are several records
         concluded = {}
         for name, conclusion in self.conclusions.items():
             concluded[name] = conclusion.as_lines()
@@ -157,6 +161,8 @@ class Report:
         # scores against labels
         if not self.scores:
             return text
+
+        # What no decision and one constant answer cost
         most = max(self.scores, key=lambda row: row["applicable"])
         sticky = most["positives"]
         units = most["applicable"]

@@ -104,6 +104,8 @@ def as_text(
     for.
     """
     # one record: conclusion, methods, notes
+
+    # One record: conclusion, methods, notes
     records = list(groups)
     concluded = concluded or {}
     lines = []
@@ -154,6 +156,7 @@ def to_frame(verdicts: Iterable[tuple[str | None, Verdict]]) -> pd.DataFrame:
     """Return one row per verdict, intervals and indices as columns of their own."""
     import pandas as pd
 
+    # Ends of the sizes, and the answer beside them
     rows = []
     for name, v in verdicts:
         if name is None:

@@ -75,6 +75,7 @@ def _fill_crossings(x, band, at):
     """Fill `at` with the places where a signal crosses zero for good, as many as there is room for;
     return their number.
     """
+    # The side on which the signal was last beyond the band
     count = 0
     changes = 0
     beyond = 0

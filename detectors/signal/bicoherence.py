@@ -71,6 +71,7 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     Not for symmetric cycles: half-wave symmetry leaves odd harmonics only, whose sums are even, and
     nothing shows.
     """
+    # Half-overlapping segments under a window, without their means
     i, j = _principal_triangle(segment)
     hop = segment // 2
     pieces = np.lib.stride_tricks.sliding_window_view(x, segment)[::hop]
@@ -79,6 +80,8 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     # sixth powers of the record's numbers leave the range of doubles; a power of two changes no bit
     # of the ratios
     pieces = np.ldexp(pieces, -np.frexp(np.abs(pieces).max())[1])
+
+    # Products of the spectra over the principal triangle
     X = np.fft.rfft(pieces, axis=1).T
     K = X.shape[1]
     product = X[i] * X[j]
@@ -86,9 +89,13 @@ def bicoherence(x: np.ndarray, segment: int = _SEGMENT) -> _Bicoherence:
     power = np.einsum("mk,mk->m", product.real, product.real) + np.einsum(
         "mk,mk->m", product.imag, product.imag
     )
+
+    # The squared bicoherence, with a floor where there is no power
     single = (X.real**2 + X.imag**2).sum(axis=1)
     floor = _FLOOR * single.mean()
     bic2 = np.abs(joint) ** 2 / np.maximum((power + floor**2 / K) * (single[i + j] + floor), 1e-300)
+
+    # The indices of the chapter: the mean above its bound, and the peak above the mean
     m = bic2.size
     mean = float(bic2.mean())
     ngi = mean - (1.96 + np.sqrt(4.0 * m - 1.0)) ** 2 / (4.0 * K * m)

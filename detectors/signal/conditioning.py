@@ -95,6 +95,7 @@ def band_pass(x: np.ndarray, low: float, high: float) -> np.ndarray:
 
 def drift(x: np.ndarray, period: float) -> np.ndarray:
     """Return the moving average over one period, which contains no oscillation of that period."""
+    # Samples that have half a period on either side
     n = x.size
     half = min(period / 2.0, (n - 1) / 2.0)
     first = int(np.ceil(half))
@@ -109,6 +110,8 @@ def drift(x: np.ndarray, period: float) -> np.ndarray:
         _integral_to(total, x, first + half, inner.size)
         - _integral_to(total, x, first - half, inner.size)
     ) / (2.0 * half)
+
+    # At the ends the slope of the last half period goes on
     out = np.empty(n)
     out[inner] = mean
     reach = min(max(round(half), 1), mean.size - 1)

@@ -251,6 +251,7 @@ def fit_hammerstein(
 
 def _fit_best_map(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     """The best end under either map."""
+    # A coarse grid of valves with every pole and every other delay
     everywhere = full.delays.size
     integrating = poles.size == 1
     S, J = _grid_of_valves(_GRID, full.swing)
@@ -261,6 +262,8 @@ def _fit_best_map(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
     column = np.arange(S.shape[1])
     tried = tried[_ROWS, which, column]
     at = at[_ROWS, which, column]
+
+    # The best that lie apart, with better plants
     kept = _distinct_best(tried, S, J, 4)
     S = S[_ROWS, kept]
     J = J[_ROWS, kept]
@@ -288,6 +291,8 @@ def _fit_best_map(short: _Search, full: _Search, poles: np.ndarray) -> _Ends:
         again = np.argsort(tried, axis=1, kind="stable")[:, :_AGAIN]
         S = S[_ROWS, again]
         J = J[_ROWS, again]
+
+    # The full record, ever finer
     ends = _improve_plants(full, _restart_ends(full, ends), integrating).best(2)
     ends = _settle_ends(full, ends, integrating, 0.004).best(1)
     return _settle_ends(full, ends, integrating, 0.001)
