@@ -141,6 +141,7 @@ def simulate(
     from simbench.loop.simulate import simulate as simulate_loop
     from simbench.scenarios.grid import is_grid
 
+    # One source, and one thing to write
     if (source is None) == (from_run is None):
         raise ParameterError(
             "simulate needs either a loop file or a grid, or --from RUN with --id ID"
@@ -152,6 +153,8 @@ def simulate(
         )
     if not abs(kick) <= 100.0:
         raise ParameterError(f"--kick {kick:g}; an offset of OP within -100 to 100 % is needed")
+
+    # With the parts of one's own: a grid, or a loop
     files = []
     for given in (valve_plugin, effect_plugin, plant_plugin, controller_plugin):
         files.append(given or [])
@@ -171,6 +174,8 @@ def simulate(
                 return
             refuse_own_input([out], [source])
             result = simulate_loop(loop, first, kick=kick)
+
+    # The record of one run
     _write_result(result, Path(str(out)), as_json)
 
 

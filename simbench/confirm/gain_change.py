@@ -133,6 +133,7 @@ def settled_parts(x: np.ndarray, changed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChange:
+    # The loop on either side of the change, longer until both show periods
     changed = max(loop.sampling.n, 300)
     while True:
         n = int((1 + 1 / min(factor, 1.0)) * changed)  # a slower cycle needs more time
@@ -147,11 +148,15 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
         if not short or 2 * n > LONGEST:
             break
         changed *= 2
+
+    # What changed
     before, after = phases
     what = describe_change(before, after)
     shift = shift_of(before, after)
     verdict = "no_decision"
     reason = unfit(before, after)
+
+    # How likely that is for a sound valve and for a sticking one
     if not reason:
         lengths = (changed - changed // 3, n - changed - (n - changed) // 3)
         gains = (1.0, factor)
@@ -164,6 +169,8 @@ def _with_nudge(loop: Loop, factor: float, seed: int, nudge: float) -> GainChang
         odds = odds_of_friction(before, after, sound, stuck, outside=False)
         near = any(one.near(before, after) for one in (sound, stuck))
         verdict, reason = judge_change(odds, what, sound, stuck, near)
+
+    # The verdict with both phases
     Ts = loop.sampling.Ts
     return GainChange(verdict, reason, before, after, shift, nudge, Ts, changed, trace)
 

@@ -154,6 +154,7 @@ def _read_holds(
     slope: bool,
 ) -> _Readings:
     """Return a signal's settled mean in every hold, or its slope per second."""
+    # The mean, or the slope, of the late part of each hold, and its error
     seen, errors, moving = np.empty((3, starts.size))
     for k, (start, length) in enumerate(zip(starts, lengths, strict=True)):
         late = x[start + int(_LATE * length) : start + length]
@@ -171,6 +172,8 @@ def _read_holds(
         errors[k] = sigma / np.sqrt(late.size)
         if slope:
             errors[k] *= np.sqrt(12.0) / (late.size * Ts)
+
+    # The gain, and the error of a reading
     op = op[starts]
     steps = np.diff(op)
     error = float(np.sqrt(np.mean(errors**2)))

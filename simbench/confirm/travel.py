@@ -149,6 +149,7 @@ class _Manual:
     """A loop in manual: OP goes in steps, and PV is looked at after each wait."""
 
     def __init__(self, loop: Loop, increment: float, big_step: float, seed: int) -> None:
+        # A loop without loads, and how long it takes to settle
         quiet = loop.model_copy(update={"disturbance": ()})
         setup = resolve_loop(quiet, seed)
         lags = []
@@ -170,6 +171,8 @@ class _Manual:
             and SIGMAS * np.sqrt(2) * self._error_of_reading(setup.noise_std) > answer
         ):
             self.window *= 2
+
+        # Steps enough for the whole travel
         self.wait = settle + self.window
         steps = int(200 / increment + 100 / big_step) + 4
         self.live = LiveLoop(resolve_loop(lengthen_loop(quiet, steps * self.wait), seed))
@@ -216,6 +219,7 @@ class _Manual:
 
     def outcome(self, same: float | None, back: float | None) -> TravelTest:
         """Put the findings into words."""
+        # What was recorded, and whether PV answered
         k = self.k
         wait = self.wait * self.Ts
         trace = Trace(self.live.op[:k], self.live.pv[:k], self.live.mv[:k])
@@ -252,6 +256,8 @@ class _Manual:
             J = None
         else:
             J = (max(0.0, same - self.increment), same)
+
+        # The test with its sizes
         phase = np.array(self.phase)
         return TravelTest(
             same, back, self.increment, wait, sticky, reason, self.Ts, phase, trace, S, J

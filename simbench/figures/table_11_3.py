@@ -53,11 +53,14 @@ def ultimate_gain(K: float, T: float | None, Td: float, Ti: float | None) -> flo
 
 def loops(process: str, controller: str, nonlinearity: str) -> list[Loop]:
     """Return the grid of one cell."""
+    # The slip jumps of the cell
     grid_of_cell = []
     if nonlinearity == DEAD_BAND:
         ratios = (0.0,)
     else:
         ratios = JUMPS
+
+    # Every dead time, gain and integral time of the cell
     for Td, share, integral, ratio in product(
         DELAYS, SHARES, INTEGRALS if controller == "PI" else (None,), ratios
     ):

@@ -130,6 +130,7 @@ def diagnose_all(
     healthy: Sequence[LoopRecord] = (),
 ) -> GapReport:
     """Return the report of `diagnose`, its records and baseline read."""
+    # Without a loop file the record is repaired first
     said: list[str] = []
     if baseline is None:
         # what is identified from wild samples or a stopped archive is no loop; beside a loop file,
@@ -154,6 +155,8 @@ def diagnose_all(
             if note:
                 said.append(note)
         assessment, loops = _assess_all(records, baseline, jobs, ordinary, seed)
+
+        # The loops that are simulated, and the answer
         kind = ClosedLoops if assessment.situation.stated_parts else IdentifiedLoops
         found = report(assessment, weigh_evidence(assessment), kind(assessment, seed), loops)
     return replace(found, notes=found.notes + tuple(said))

@@ -171,6 +171,7 @@ class _Controller:
         """Return the term of a controller that does not run in some samples, where OP rests though
         it should move.
         """
+        # Runs in which OP stands where the plain law moves it
         du = np.diff(self.op)
         still = np.append(False, du == 0.0)
         asked = np.append(0.0, np.abs(du - plain))
@@ -194,6 +195,8 @@ class _Controller:
             for before in (self.e[last], self.e[:-1])
             for newest in FORMS
         )
+
+        # The best of these must explain OP, and the plain law must not
         left = min((du - np.where(idle[1:], 0.0, asked) for asked in tries), key=self.misfit)
         if not self.misfit(left) < TERM_EXPLAINS * self.misfit(plain):
             return None

@@ -92,6 +92,7 @@ def _compare_records(
     records: tuple[LoopRecord, LoopRecord], phases: list[Phase], ratio: float
 ) -> tuple[str, str]:
     """Return verdict and reason of two records."""
+    # Two phases that can be compared, and a loop for each
     why = unfit(*phases)
     if why:
         return "no_decision", why
@@ -108,6 +109,8 @@ def _compare_records(
     for one, phase, f in zip(loops, phases, factors):
         for stuck, kick in with_friction(one.alone, phase.amplitude / one.percent):
             sticky.append((stuck, kick, f))
+
+    # What either kind of valve would have done
     lengths = (records[0].n, records[1].n)
     Ts = records[0].Ts
     expectations = [expect_change(some, lengths, Ts) for some in (sound, sticky)]
@@ -116,6 +119,8 @@ def _compare_records(
     outside = kept(*phases)
     near = outside or any(one.near(*phases) for one in expectations)
     verdict, reason = judge_change(odds, describe_change(*phases), *expectations, near)
+
+    # No confirmation by what was known before
     alone = f"by themselves the records show stiction with probability {probability(shown):.2f}"
     alike = expectations[0].alike(expectations[1]) and not outside
     if not near or alike:

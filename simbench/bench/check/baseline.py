@@ -86,6 +86,8 @@ def _write_verdicts(
 ) -> Path:
     """Write the tables of a run with some columns empty, and the manifest, which comes last."""
     # where it is written, and what a baseline says of its run
+
+    # A folder that holds a baseline, or nothing
     _refuse_foreign(Path(folder))
     folder = make_folder(folder)
     whole = read_manifest(run)
@@ -119,6 +121,8 @@ def _write_verdicts(
         )
         write_file(folder / f"{kind}.parquet", out.getvalue())
         digests[kind] = digest(out.getvalue())
+
+    # The manifest with the digests of both tables
     write_manifest(folder, {**manifest, PIECES: [{"digests": digests}]})
     return folder
 

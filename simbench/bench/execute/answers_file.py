@@ -108,6 +108,8 @@ def _read_rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
     empty.
     """
     # commas, or what spreadsheets of other countries write in their place, with decimal commas
+
+    # The table as text, whichever separator it has
     try:
         content = plain_bytes(file)
         head = content.partition(b"\n")[0].decode("utf-8-sig")
@@ -141,9 +143,13 @@ def _read_rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
             f" {', '.join(_NEEDED)} and, if wanted, {', '.join(_OPTIONAL)}"
         )
     table = table.fillna("").reindex(columns=list(_NEEDED) + list(_OPTIONAL), fill_value="")
+
+    # Numbers with a decimal comma
     if separator != ",":
         sizes = list(_OPTIONAL)
         table[sizes] = table[sizes].apply(lambda cells: cells.str.replace(",", "."))
+
+    # Each row that holds anything, with its line
     for line, cells in enumerate(table.itertuples(index=False), start=2):
         row = {}
         for name, cell in zip(table.columns, cells, strict=True):

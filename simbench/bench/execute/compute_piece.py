@@ -117,6 +117,7 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
     """Simulate, label and judge some groups of a grid: a function of the arguments alone, but for
     its times.
     """
+    # The parts and detectors of one's own, in this process too
     began = time.perf_counter()
     methods = settings.methods
     add_parts(*settings.parts)
@@ -126,6 +127,8 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
     for m in methods:
         if m != ORACLE:
             chosen[m] = registry.load(m).METHOD.defaults()
+
+    # What the piece gathers
     rng = np.random.default_rng([grid.content.seed, number])
     simulating = 0.0
     judging = 0.0
@@ -156,6 +159,8 @@ def compute_piece(grid: Grid, number: int, groups: Sequence[int], settings: Piec
                 raised = sum(answer.error is not None for answer in answers)
                 failures += raised or int(it.error is not None)
             held = []
+
+    # Times of simulating, judging and all
     took = (simulating, judging, time.perf_counter() - began)
     return piece_of(number, scenarios, verdicts, failures, took)
 
@@ -278,6 +283,8 @@ def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:
 def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, Any]:
     """Return a scenario's row of the scenarios table; `prepared` is its record without MV."""
     # What theory predicts and the simulation did
+
+    # What theory predicts and the simulation did
     row = scenario_columns(it.scenario, it.group)
     row.update(
         zip(_THEORY_COLUMNS, it.theory),
@@ -311,6 +318,8 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
 def verdict_row(ident: str, answer: Answer) -> dict[str, Any]:
     """Return one method's row of the verdicts table."""
     # Numbers of the answer; JSON has no infinity
+
+    # Ends of the sizes, and indices without infinity
     said = answer.verdict
     S_lo, S_hi = level_ends(said.S)
     J_lo, J_hi = level_ends(said.J)

@@ -128,6 +128,8 @@ def _samples_of_record(plan: Grid, block: Any) -> float:
 
 def _find_wrong_parts(plan: Grid) -> Iterator[str]:
     # Disturbances: a known type, parameters that it has
+
+    # Disturbances: a known type, parameters that it has
     content = plan.content
     for name, load in content.disturbances.items():
         where = f"disturbance {name!r}"
@@ -151,6 +153,8 @@ def _find_wrong_parts(plan: Grid) -> Iterator[str]:
                     yield f"{where}: valve {valve!r} is unknown, {suggestion(valve, known)}"
                 elif member.name in echoed and not VALVES.load(valve).FRICTION:
                     yield f"{where}: valve {valve!r} has no friction that could be echoed"
+
+    # The parameters of valves and effects
     for kind, folder, parts in (
         ("valve", VALVES, content.valves),
         ("effect", EFFECTS, content.effects),

@@ -91,6 +91,8 @@ def _best_valve(
     of finer ones around the best so far.
     """
     # A coarse lattice over all valves to begin with
+
+    # The first lattice covers all valves
     sizes = _BANDS
     ratios = _JUMPS
     factor = np.log(_BANDS[1] / _BANDS[0])
@@ -147,6 +149,7 @@ def squares_left(record, valves, load, b, a, delay, out):
 
     The filter is a transposed direct form II (Oppenheim and Schafer 2010, section 6.3).
     """
+    # Room for the positions, the state and the squares
     wide()
     n = load.size
     last = b.size - 1
@@ -156,6 +159,8 @@ def squares_left(record, valves, load, b, a, delay, out):
     w = lanes()
     y = lanes()
     squares = lanes()
+
+    # Block by block: the positions of its valves, and PV before the dead time is over
     for block in range(0, out.size, LANES):
         moves(record, valves, block, v, total)
         for c in range(LANES):
@@ -165,6 +170,8 @@ def squares_left(record, valves, load, b, a, delay, out):
         for k in range(min(delay, n)):
             for c in range(LANES):
                 squares[c] += record.y[k] * record.y[k]
+
+        # The plant's difference equation in its transposed form, and the squared error
         for k in range(n - delay):
             # the first position is that before the record
             row = np.uintp((k + 1) * LANES)

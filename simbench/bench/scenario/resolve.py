@@ -334,12 +334,15 @@ def _own_sampling(draft: Draft, twin: Loop, cycle: Cycle) -> Loop:
 
 def _apply_rules(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
     """Return a draft's loop for the period of its record."""
+    # The controller, where its integral action is a rule
     table = draft.loop.to_table()
     rules = draft.rules
     if rules.w_Ti is not None:
         table["controller"].update(
             Ti=significant(twin.controller.Ti or 1.0), Kc=significant(twin.controller.Kc)
         )
+
+    # How fine and how long, in periods of its own
     if rules.samples_per_period is not None:
         per = float(rules.samples_per_period)
         table["sampling"] = {
@@ -350,6 +353,8 @@ def _apply_rules(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
             # of its own periods, or of the sticky sibling's where these are longer
             longer = min(max(cycle.period / own, 1.0), _LONGEST_WARM_UP)
             table["sampling"]["warm_up"] = round(per * rules.warm_up * longer)
+
+    # Valve, noise, effects and loads in units of the cycle
     unit = _measure_units(twin, cycle)
     table["valve"] = _valve_of(draft, unit)
     if rules.noise_ratio is not None:
@@ -366,6 +371,8 @@ def _apply_rules(draft: Draft, twin: Loop, cycle: Cycle, own: float) -> Loop:
     for load in draft.loads:
         size = unit["pv" if load["at"] == "output" else "S"]
         table.setdefault("disturbance", []).append(absolute_load(load, size, cycle.period))
+
+    # The loop, with the gain of its tuning
     loop = Loop.from_table(table, "cell")
     if draft.ultimate is not None:
         loop = loop.with_(

@@ -74,6 +74,7 @@ def simulate_with_truth(
 
 def _find_cycling(run: Run, loop: Loop, seed: int, period: float | None) -> Cycled:
     """Say whether a sticky loop cycles."""
+    # The period of the valve's motion, or of the record
     Ts = loop.sampling.Ts
     bar = least_swing(loop)
     late = motion(run.mv[run.record.n // 2 :], bar / 4)
@@ -81,6 +82,8 @@ def _find_cycling(run: Run, loop: Loop, seed: int, period: float | None) -> Cycl
         period = late.period * Ts
         if not math.isfinite(period):
             period = run.record.duration / _TAIL_PERIODS
+
+    # At several ends of the record: does the valve go on by itself
     found = None
     twin = healthy_twin(loop)
     for quiet in _quiet_moments(loop, period / Ts):
@@ -93,6 +96,8 @@ def _find_cycling(run: Run, loop: Loop, seed: int, period: float | None) -> Cycl
         found = found or (said, moved)
         if said == _UNCLEAR:
             found = (_UNCLEAR, found[1])
+
+    # A loop that moves without that, or is driven, is another answer
     assert found is not None
     said, moved = found
     if said == NO and _moves_steadily(run, late, loop, seed, period / Ts, bar):

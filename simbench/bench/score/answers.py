@@ -51,6 +51,8 @@ class Answers(NamedTuple):
 def answers_of(book: RunArrays) -> Iterator[Answers]:
     """Yield what every method of a run said, and two yardsticks that always say the same."""
     # Every method, with what the run's manifest says of it
+
+    # Every method, with what the run's manifest says of it
     for i, method in enumerate(book.methods):
         about = book.manifest["methods"][method]
         answered = about.get("answered", "package")
@@ -227,6 +229,7 @@ def tallied(counts: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """
     import pandas as pd
 
+    # Which loops count as what
     known = counts["label"] >= 0
     positive = counts["label"] == 1
     covered = known & counts["applies"]
@@ -251,6 +254,8 @@ def tallied(counts: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     }
     kinds["right"] = kinds["found"] | kinds["rejected"]
     kinds["open"] = kinds["open_sticky"] | kinds["open_other"]
+
+    # Their sums, and the rates of these
     parts = pd.DataFrame({name: counts[_COUNT].where(kind, 0) for name, kind in kinds.items()})
     table = pd.DataFrame(parts.groupby([counts[name] for name in by]).sum())
     return pd.concat([table] + _rates_of_sums(table), axis=1)

@@ -212,11 +212,14 @@ def _boost_folds(
     columns: int, feature_bytes: bytes, label_bytes: bytes, fold_bytes: bytes
 ) -> np.ndarray:
     """Return what `out_of_fold` does, of folds, for arrays of floats, bools and integers."""
+    # The arrays as they were before they became a key
     label = np.frombuffer(label_bytes, bool)
     fold = np.frombuffer(fold_bytes, int)
     features = np.frombuffer(feature_bytes).reshape(-1, columns)
     said = np.full(label.size, 0.5)
     learned = []
+
+    # Each fold: the share of sticky loops elsewhere, or a model that is learned there
     for k in np.unique(fold):
         there = fold != k
         here = fold == k
@@ -227,6 +230,8 @@ def _boost_folds(
             if chosen.size > _MOST:
                 chosen = np.sort(np.random.default_rng(0).choice(chosen, _MOST, replace=False))
             learned.append((chosen, here))
+
+    # The models, one thread each
     if learned:
         # here, for it takes a second to load
         from sklearn.ensemble import HistGradientBoostingClassifier

@@ -122,6 +122,8 @@ def _draw_ranking(scores: Scores, truth: str, failed: str) -> list[Part]:
 def tabulate(rows: pd.DataFrame) -> Table:
     """Return one row per method with the columns that a reader compares."""
     # a rank on a part of the loops says so
+
+    # Methods, with the loops that they are ranked on
     names = []
     for r in rows.itertuples():
         names.append(
@@ -138,6 +140,8 @@ def tabulate(rows: pd.DataFrame) -> Table:
         table[name] = rows[column]
         ends = zip(rows[f"{column}_lo"], rows[f"{column}_hi"], strict=True)
         beside[name] = ["" if math.isnan(lo) else f"{lo:.2f}-{hi:.2f}" for lo, hi in ends]
+
+    # Where each method applies, and where it was fitted
     table["applies"] = rows["applicable"] / rows["n"]
     told = {"fitted here": "on this grid", "siblings": "on loops like these"}
     fitted = rows["home"].map(told)
@@ -222,6 +226,8 @@ def _draw_roc_curves(book: RunArrays | None) -> list[Part]:
     threshold sits on.
     """
     # the detectors whose scores tell at least one cycling loop from one that rests
+
+    # The curve of every detector with enough of both kinds
     if book is None:
         return []
     curves = []

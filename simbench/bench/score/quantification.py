@@ -35,6 +35,7 @@ def estimates(book: RunArrays) -> pd.DataFrame:
     """
     import pandas as pd
 
+    # Every size of a sticky loop that was stated
     loop, number = np.nonzero(~np.isnan(book.sizes).all(axis=0).T)
     sticky = book.friction[loop, 0] > 0.0
     loop = loop[sticky]
@@ -43,6 +44,8 @@ def estimates(book: RunArrays) -> pd.DataFrame:
     about = {}
     for m in book.methods:
         about[m] = book.manifest["methods"][m].get("stated", ())
+
+    # S and J by themselves: error, width, and whether the interval holds the truth
     parts = []
     for k, name in enumerate(("S", "J")):
         lo, hi = book.sizes[2 * k : 2 * k + 2, number, loop]

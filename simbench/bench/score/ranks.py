@@ -46,6 +46,7 @@ def rank_methods(
     from its original (`simbench score --paired`). A difference counts from 1.96 sd. Where `right`
     is of a sample, `accuracy` is the mean of each method on all `loops`.
     """
+    # Success of every method, and of groups of loops
     m, n = right.shape
     if m == 0 or n == 0:
         return Ranks(np.ones(m, dtype=int), float("nan"), float("nan"))
@@ -61,6 +62,8 @@ def rank_methods(
     alone = np.array([np.var(np.r_[row, 0.0, 1.0]) for row in earned])
     together = ((shares[:, None] - shares[None]) ** 2).sum(axis=2) / n
     spreads = np.maximum(together, alone[:, None] + alone[None])
+
+    # A method ranks below those that are better by a resolved difference
     if accuracy is None:
         means = earned.mean(axis=1)
     else:

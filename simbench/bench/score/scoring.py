@@ -362,6 +362,7 @@ def _count_by_cause(
     """
     import pandas as pd
 
+    # What makes each loop oscillate, the echoes by their kind
     texts, places = axis_codes(book, "echo")
     kinds = np.array(texts + [""])[places]
     echoes = [kind for kind in dict.fromkeys(kinds) if kind not in ("", "none")]
@@ -375,6 +376,8 @@ def _count_by_cause(
         [len(causes), *range(len(causes) - 1)],
         len(causes) - 1,
     )
+
+    # False positives and no decision by cause
     counts = counted(answers, cause=place, label=book.truth["cycled"])
     of = tallied(counts[(counts["cause"] < len(causes)) & counts["applies"]], ["method", "cause"])
     parts = (
@@ -401,11 +404,14 @@ def _write_ranks(
     method of whoever ran the grid always has one: where it answers a part of the loops, among those
     that answer these.
     """
+    # No rank to begin with
     standing = []
     n = rows[0]["n"]
     for row in rows:
         row["rank"] = math.nan
         row["rank_loops"] = 0
+
+    # Methods without MV by themselves, those with MV by themselves
     for kind in (0, 1):
         mine = []
         for k, a in enumerate(everyone):
@@ -431,6 +437,8 @@ def _write_ranks(
             if rows[k]["applicable"] >= RANKED_LOOPS:
                 rows[k]["rank"] = _rank_where_it_answers(block, everyone, earned, k)
                 rows[k]["rank_loops"] = rows[k]["applicable"]
+
+    # What the ranks of those without MV can resolve, or else of the others
     without_mv, with_mv = standing
     return (without_mv if without_mv[1] else with_mv)[0]
 

@@ -171,6 +171,8 @@ def two_way_lines(
 ) -> list[str]:
     """Return some shares of each method over two axes, the first down and the second across."""
     # what the tables hold
+
+    # What the tables show
     down, across = axes
     more = "" if len(shares) > 1 else "; --method ID: sensitivity and false positives of one, too"
     names = ", ".join(_TITLES[name] for name in shares)
@@ -262,6 +264,8 @@ def _describe_run(scores: Any, whole: bool) -> list[str]:
 def _closing_sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list[str]:
     """Return which differences are resolved, and where the report is."""
     # methods without a rank
+
+    # Methods that failed, or left records unanswered
     standing = scores.standing[truth, ALL, OF_OSCILLATING]
     rows = scores.rows(truth)
     said = []
@@ -285,6 +289,8 @@ def _closing_sentences(scores: Any, truth: str, where: str, whole: bool = False)
         )
         resolved = f"A difference of {rate_text(standing.resolution)} is resolved between any two."
         said.append(ranks * whole + resolved)
+
+    # Each sentence on its own lines
     lines = []
     for sentence in (*said, where):
         for line in wrap(sentence):
@@ -394,6 +400,8 @@ def interval_text(value: float, lo: float, hi: float, few: bool = False) -> str:
 def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     """Return every table of a run, the whole ranking first."""
     # the ranking of all loops, then of each kind of process
+
+    # Ranking and resolution for both kinds of plant
     lines = headline(scores, truth, whole=True)
     for process in ("self-regulating", "integrating"):
         rows = scores.rows(truth, process=process)
@@ -570,6 +578,7 @@ def _dead_band(scores: Any) -> list[str]:
 
 def _pair_S_and_J(scores: Any) -> list[str]:
     """Return S and J side by side, one row for a method on a family of valves."""
+    # Families with enough loops
     rows = scores.quantification
     rows = rows[rows.n >= LEAST]
     if rows.empty:
@@ -586,6 +595,8 @@ def _pair_S_and_J(scores: Any) -> list[str]:
         table[f"n {p}"] = mine.n.astype(str)
         for name, title in (("median_error", "error"), ("coverage", "held"), ("width", "width")):
             table[f"{title} {p}"] = mine[name].map("{:.3f}".format).replace("nan", "-")
+
+    # What the columns mean
     text = (
         "S and J of sticky loops by family of valves: median error and width in shares of the"
         " valve's S; held: share of the intervals that hold the truth, nominally nine in ten; -"

@@ -62,6 +62,8 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
 def read_manifest(path: str | Path) -> dict[str, Any]:
     """Return the manifest of a run."""
     # the file as JSON
+
+    # What another call began is ended first
     folder = local_path(path)
     put_in_place(folder)
     file = folder / MANIFEST

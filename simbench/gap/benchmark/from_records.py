@@ -321,6 +321,8 @@ def _scenarios_of_record(
 ) -> list[list[Scenario]]:
     """Return the scenarios of one record, those of each cell together: sticky and healthy."""
     # Every size with every slip jump
+
+    # Every size with every slip jump
     cells = []
     for jump in JUMPS:
         for size in SIZES:

@@ -52,6 +52,7 @@ def draw_loops(grid: Grid, n: int, seed: int) -> list[DrawnLoop]:
     """Return about `n` loops of a grid, those that it ranks, as many of each group; fewer where it
     has no more. A loop that copies a record is of the unit of that record.
     """
+    # Groups in an order that is drawn, and how many loops each gives
     rng = np.random.default_rng([seed, 1])
     order = []
     for k in rng.permutation(grid.group_count).tolist():
@@ -189,6 +190,7 @@ def grid(
     >>> found.auc.lo <= found.auc.value <= found.auc.hi
     True
     """
+    # Loops, additions and records that can be compared
     # the grid, the records, and what is to be tried
     if n < _FEWEST:
         raise ParameterError(f"gap grid: n = {n} loops; at least {_FEWEST} are needed")
@@ -221,6 +223,8 @@ def grid(
             for strength in STRENGTHS if one.sized else (1.0,):
                 tried.append((name, strength))
     singles = _best_of_each(before, search.ask([(one,) for one in tried]))
+
+    # The grid as it is, and what brings it nearer
     together = search.combine(before, singles)
     return GridGap(
         grid=plan.benchmark,

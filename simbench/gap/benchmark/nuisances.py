@@ -47,6 +47,8 @@ def _read_nuisance(table: Mapping[str, Any]) -> Nuisance:
 
     def add(loop: Loop, record: LoopRecord, source: Source, strength: float) -> Loop:
         # what sizes are measured in: std of PV and OP, period (s) and frequency of OP
+
+        # What the addition's numbers are measured in
         period = _samples_per_period(record) * record.Ts
         pv = float(np.std(record.pv)) + _SMALLEST
         op = float(np.std(record.op)) + _SMALLEST
@@ -60,6 +62,8 @@ def _read_nuisance(table: Mapping[str, Any]) -> Nuisance:
             "pv/sqrt(period)": pv / period**0.5,
             "period/op": period / op,
         }
+
+        # Each number drawn, in the record's units, at the strength that was asked
         numbers: dict[str, Any] = {}
         for key, value in table["parameters"].items():
             numbers[key] = value

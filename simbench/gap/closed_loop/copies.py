@@ -385,6 +385,7 @@ def _stable_models(
     y: np.ndarray, x: np.ndarray, orders: Iterable[tuple[int, int]], first: int
 ) -> Iterator[Arx]:
     """Yield the models of all orders that are stable; all are fitted to the same samples."""
+    # The regressors of the longest order, and the constant
     orders = list(orders)
     most_past, most_driven = (max(order[k] for order in orders) for k in (0, 1))
     if most_driven:

@@ -39,6 +39,7 @@ def fixed_loop(
     jumps: bool = True,
 ) -> Loop:
     """Return a loop file that simulates like the record."""
+    # The baseline with the fitted plant, the recorded set point and the record's length
     base = situation.baseline
     identified = base.replace(
         plant=_fitted_plant(situation, fit) if plant == "fitted" else base.plant,
@@ -46,6 +47,8 @@ def fixed_loop(
         # in the samples of the loop: those of a record whose clock is a little off are others
         sampling=Sampling(Ts=base.sampling.Ts, n=situation.record.n * situation.pace),
     )
+
+    # The fitted load, unless the loop file states one and is trusted
     as_stated = situation.trusted and plant == "baseline"
     if not (as_stated and base.disturbance):
         identified = _with_fitted_load(
@@ -55,10 +58,14 @@ def fixed_loop(
         operating_point=_resting_point(situation, fit, effects, identified.plant),
         effect=(*base.effect, *(Part(name=name, parameters=p) for name, p in effects.items())),
     )
+
+    # Jumps of the load are an effect of their own
     source = load or fit
     if jumps and source.spec.jumps and not source.spec.fade:
         steps = Part(name="load_steps", parameters=load_steps.numbers(source, situation))
         identified = identified.replace(effect=identified.effect + (steps,))
+
+    # An identified loop must be stable to be simulated
     if situation.trusted:
         return identified
     return stable(identified)

@@ -278,6 +278,7 @@ class _Examination:
         """Fit the law, past a gap of the error and a lattice of OP: is nothing but it between error
         and OP (`plain`), does it explain OP (`exact`)?
         """
+        # Whether the lattice is OP's own, by a first fit
         op = self.op
         e = self.e
         du = self.du
@@ -295,6 +296,8 @@ class _Examination:
             # lattice is PV's, handed on
             off = off[rows & (du != 0.0)] - np.median(off[rows])
             coarse = not off.size or bool(np.quantile(np.abs(off), 0.9) > _FINER * step)
+
+        # The band within which the error does not count
         own = self.level - self.pv
         still = du == 0.0
         errors = [e]
@@ -320,6 +323,8 @@ class _Examination:
             for x in counted:
                 for pv in pvs:
                     errors.append(self.acts.error(op, self.level - x, self.level, slope_of=pv))
+
+        # The fit of least residual; on a lattice that of the sums
         fits = [(by_steps(du, x, rows, Kc, Ki, size, no_sp), x) for x in errors]
         fit, e = min(fits, key=lambda f: f[0].residual)
         if coarse:
@@ -333,6 +338,8 @@ class _Examination:
             card = 0.0
         hidden = DIGITS * max(self.rounding, card) + 1e-9 * float(np.abs(op).max())
         self.tolerance = max(_NEAR if coarse else EXACT, min(hidden / size, _HALF))
+
+        # What the answer is read off from
         self.fit = fit
         self.e = e
         self.rows = rows
@@ -396,6 +403,8 @@ class _Examination:
             mean = None
         if mean is not None:
             return mean
+
+        # A controller that skips scans, or any other reason
         foreign = ""
         if self.collapsed and not self.gap:
             foreign = (
@@ -408,6 +417,8 @@ class _Examination:
         law = replace(law, reason=reason, foreign=foreign)
         if foreign or not self.plain:
             return law
+
+        # The tuning by samples that the archive kept
         a = Kc + Ki
         b = -Kc
         if rough and not self.limits and exact.sum() > 20:
@@ -415,6 +426,8 @@ class _Examination:
             if hidden.base > 1.5 * hidden.misfit and np.isfinite(hidden.a):
                 a = hidden.a
                 b = hidden.b
+
+        # PV as the controller saw it, if it is near the recorded one
         candidate = self._recover_change(a, b)
         if candidate is None:
             return law
@@ -436,6 +449,7 @@ class _Examination:
         """Return the law, under the baseline's tuning or another, whose PV the archive took the
         mean of; None where none is.
         """
+        # A mean over a sample is looked for only where OP moves
         op = self.op
         inside = self.inside
         Kc = self.Kc
@@ -443,6 +457,8 @@ class _Examination:
         rests = float(np.mean(self.du[self.rows] == 0.0))
         if self.op_is.step == 0.0 and rests > _RESTING:
             return None
+
+        # The stated tuning in every form, and the one that the means show
         tunings = []
         for share in FORMS if Ki else FORMS[:1]:
             tunings.append((Kc + share * Ki, (1.0 - share) * Ki - Kc))
@@ -453,6 +469,8 @@ class _Examination:
             within[-max(MEAN_OVER) :] = False
             hidden = hidden_law(op, self.e, Kc, Ki, within, MEAN_OVER)
             tunings.append((hidden.a, hidden.b))
+
+        # What each leaves of PV, a changed tuning at a price
         tries = []
         for i, (a, b) in enumerate(tunings):
             if np.isfinite(a):
@@ -466,6 +484,8 @@ class _Examination:
         rest, i, seen = min(tries, key=lambda t: t[0], default=(np.inf, 0, None))
         if not np.isfinite(rest):
             return None
+
+        # The stated tuning, or the one that was found
         law = replace(law, residual=self.fit.base, recovered_pv=seen, averaged=True)
         if i >= stated:
             return self._law_of_tuning(law, *tunings[i])

@@ -45,6 +45,7 @@ def limits_of(
     """Return the extremes at which OP rests while the controller pushes outward; of changes up to
     `hidden` (%) nobody knows whether it rests.
     """
+    # Where OP would have moved, and stood
     out = {}
     lo = float(op.min())
     hi = float(op.max())
@@ -53,6 +54,8 @@ def limits_of(
     still = (np.diff(op) == 0.0) & (np.abs(asked) >= hidden)
     at_ends = np.count_nonzero(still & ((op[1:] == lo) | (op[1:] == hi)))
     elsewhere = np.count_nonzero(still) - at_ends
+
+    # Each extreme: whether the law pushes against it, or OP comes back to it
     for name, edge, sign in (("hi", hi, 1.0), ("lo", lo, -1.0)):
         at = np.abs(op[1:] - edge) < 1e-9 * max(abs(edge), 1.0)
         pushed = at & (sign * (op[:-1] + asked - edge) > margin)

@@ -108,6 +108,8 @@ def _simulated_tests(
     be simulated.
     """
     # the loop with what stands between OP and PV: what a load does is in every model
+
+    # The loop with all but its disturbances, run several times
     inner = {}
     for e, p in effects.items():
         if block_of(e) != "disturbance":
@@ -125,6 +127,8 @@ def _simulated_tests(
         u = through_valve(op, s.baseline, s.record.Ts, effect)
         y, _ = before_sensor(s.baseline, s.record.Ts, pv, 0.0)
         engines.append(Engine(replace(s.data, u=u, y=y), load_memory(s)))
+
+    # The same tests on what both models leave of each run
     refits = []
     for e in engines:
         refits.append((e.at(fits[0].spec, fits[0].theta), e.at(fits[1].spec, fits[1].theta)))

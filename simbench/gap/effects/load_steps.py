@@ -46,6 +46,7 @@ def _price_of_jumps(fit: Fit, n: int) -> float:
 
 def _add_jumps(engine: Engine, base: Fit) -> Fit:
     """Return the fit with jumps added as long as they are worth their price."""
+    # Rounds of several places, as long as one is worth its price
     n = engine.data.n
     best = base
     while True:

@@ -87,11 +87,14 @@ def find_archive(s: Seen) -> tuple[Archive, np.ndarray, str]:
     """Return what single samples prove of PV, the PV the controller saw, and why OP moves as no PV
     makes it move.
     """
+    # What the law says of PV, and where the archive stands
     law = s.law
     samples = s.samples
     pv = s.record.pv
     seen = law.recovered_pv
     place = "record" if law.apart else "loop"
+
+    # A lattice, straight lines, or the file's decimals
     band = 0.0
     step = 0.0
     if samples.step > 0.0 and not hides_nothing(samples.step, pv):
@@ -119,6 +122,7 @@ def _find_spikes(
     """Return spikes as `Archive` has them, PV without those the plant did not make, and why OP
     moves as no PV makes it.
     """
+    # Spikes as the samples show them
     law = s.law
     samples = s.samples
     pv = s.record.pv
@@ -127,6 +131,8 @@ def _find_spikes(
     spikes = samples.spikes
     heights = samples.heights
     place = "loop"
+
+    # Against the PV that the law recovers: what is left are spikes alone, or OP strays
     if seen is not None and not law.foreign and not thinned:
         only, sizes = find_spikes(pv - seen, 0.0)
         # where the law is exact everywhere else, what is left of PV is the spikes alone
@@ -149,6 +155,8 @@ def _find_spikes(
             plant_pv = seen
     elif spikes.size >= 3 and seen is None and not _op_answers_spikes(s, spikes, heights):
         place = "record"
+
+    # Too few are none; the plant did not make those of the archive
     if spikes.size < 3 or thinned:
         return None, plant_pv, mismatch
     if place == "loop" or seen is None:

@@ -42,6 +42,7 @@ def identify(
     """Return a loop file that fits the record, without any effect in it; `law` is what `law_of`
     showed of it already.
     """
+    # The controller's law, by the sign of the plant where that is known
     noise = 0.0
     if plant is None:
         guess = 1.0
@@ -56,6 +57,8 @@ def identify(
         else:
             shown = 0.0
         plant, noise = _identify_plant(record, shown if controller is None else controller.sign)
+
+    # The controller, by a law of the plant's sign
     if controller is None:
         sign = float(np.sign(plant.K))
         if not (law.known or sign == guess):
@@ -104,12 +107,15 @@ def _identify_plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
     """Return the plant, its gain of a sign where that is not 0, and the standard deviation of the
     noise; of an unknown process the likelier, friction allowed to both.
     """
+    # The input, and PV without its spikes
     samples = inspect_samples(r.pv, r.op)
     if r.mv is None:
         u = op_in_percent(r, False, "")
     else:
         u = r.mv
     pv = cleaned(r.pv, samples.spikes)
+
+    # Both kinds of plant, a time constant at its price
     tries = []
     for integrating in (False, True) if r.process is None else (r.process == "integrating",):
         _, fit = fit_plant(u, pv, integrating, samples.digits, sign)
@@ -127,6 +133,8 @@ def _identify_plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
             score += max(0.0, friction)
         tries.append((score, integrating, fit))
     _, integrating, fit = max(tries, key=lambda t: t[0])
+
+    # The gain with the sign that was asked for
     if sign:
         K = sign * abs(fit.K)
     else:
@@ -135,6 +143,8 @@ def _identify_plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
         raise NoAnswer(
             f"{_name_record(r)}: no plant can be identified: PV does not answer to OP (K = {K:g})"
         )
+
+    # The plant in seconds
     dead = fit.theta["Td"] * r.Ts
     noise = fit.theta["noise_std"]
     if integrating:

@@ -77,6 +77,7 @@ def complete_baseline(
     >>> sorted(complete_baseline(record, None)[1])
     []
     """
+    # No loop file, or a whole one
     both = frozenset({"plant", "controller"})
     if baseline is None:
         return identify(record), frozenset(), []
@@ -94,6 +95,8 @@ def complete_baseline(
             )
         # an inner loop is judged by its record, set point included
         return baseline.model_copy(update={"outer": None}), both, []
+
+    # What is missing is identified with what is known
     known = baseline.loop
     missing = baseline.missing
     identified = identify(
@@ -107,6 +110,8 @@ def complete_baseline(
     if "plant" in missing and "noise" not in known.model_fields_set:
         taken["noise"] = identified.noise
     loop = known.model_copy(update=taken)
+
+    # What was taken from the record, and what can no longer be judged
     notes = []
     for name in _NEEDED:
         if name in missing:

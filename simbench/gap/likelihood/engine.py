@@ -115,10 +115,13 @@ class Engine:
 
     def bounds(self, spec: Spec, name: str) -> tuple[float, float]:
         """Return the search interval of one parameter."""
+        # A number of an effect has its own bounds
         d = self.data
         for number in spec.effect_numbers:
             if number.name == name:
                 return number.low(d), number.high(d)
+
+        # The plant: wide where it is not trusted or free
         if name == "T" and not d.trusted:
             # a plant slower than the record shows is an integrator, and was not asked for
             return 0.05, max(d.n / 15.0, d.T)
@@ -131,6 +134,8 @@ class Engine:
             else:
                 wide = 0.25 * d.Td + 0.5 + d.late
             return max(d.Td - wide, 0.0), min(d.Td + wide, d.n / 4)
+
+        # Load and noise
         return {
             "load_time": (0.3, self.longest_load),
             "load_lag": (0.05, self.longest_load),
@@ -163,6 +168,7 @@ class Engine:
         """Return PV as deviation from its start, the plant's answer to MV, and every other signal
         that enters linearly.
         """
+        # The plant's pole, and the sensor's where it has one
         d = self.data
         if d.T > 0:
             T = theta["T"]
@@ -287,6 +293,7 @@ class Engine:
         innovations give the curvature, so a handful of steps does what a general optimiser needs
         dozens for.
         """
+        # What is searched, in logarithms where it spans decades
         wanted = [m for m in search or spec.names if m in spec.names]
         names = tuple(m for m in wanted if m != "T" or self.data.T > 0)
         theta = {}
@@ -298,6 +305,8 @@ class Engine:
         x = np.array([theta.get(m, 0.0) for m in names])
         x[logs] = np.log(np.maximum(x[logs], 1e-300))
         x = np.clip(x, box[:, 0], box[:, 1])
+
+        # Steps of Levenberg and Marquardt, within the box
         now = self._likelihood_terms(spec, unpack(x))
         value = 0.5 * float(now[0] @ now[0]) + now[1]
         damping = 1e-2
