@@ -43,6 +43,7 @@ def exit_code(work: Callable[[], int | None], command: Sequence[str] = ()) -> in
 
 def _exit_code_of(work: Callable[[], int | None], command: Sequence[str]) -> int:
     """Run a command and return its exit code, whatever it raises."""
+    # What is printed may hold the name of a file
     if hasattr(sys.stdout, "reconfigure"):  # the name of a file may be no text
         sys.stdout.reconfigure(errors="backslashreplace")
 

@@ -98,6 +98,7 @@ def propagated(t, Ts, p, rng):
     so that the exact cycle of equations.md 2.3 has the wanted period. The shape of its waves, not
     their cause, reaches our loop.
     """
+    # The wave of another loop, long and fine enough for what is drawn from it
     warm_up = int(np.ceil(12 * p.period / Ts))
     seed = int(rng.integers(2**31))
     moved = _phase_walk(t.size, Ts, p, rng) * p.period / Ts  # samples
@@ -109,6 +110,8 @@ def propagated(t, Ts, p, rng):
     wave = _other_loop(
         p.S, p.J, p.noise, p.period, Ts / fine, fine * (t.size + max(more, 0) + warm_up), seed
     )[::fine]
+
+    # A lag between both loops
     if p.lag > 0:
         keep = math.exp(-Ts / p.lag)
         wave = np.asarray(lfilter([1 - keep], [1, -keep], wave))
@@ -121,6 +124,8 @@ def propagated(t, Ts, p, rng):
             f"disturbance 'propagated': the other loop (S = {p.S}, J = {p.J}) does not cycle;"
             " choose J nearer to S"
         )
+
+    # Moved in time by a walk, or as it is
     if np.ndim(moved):
         wave = np.interp(warm_up + np.arange(t.size) + moved, np.arange(wave.size), wave)
     else:

@@ -96,6 +96,7 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
     """Return the load (%) of shape (warm_up + n,): the donor's valve's error without its corners,
     where `own` is the loop that it acts on.
     """
+    # What the sticky valve does, less what its loop's other stages do
     given = {}
     for k, v in echo.parameters.items():
         if k in SHAPES:
@@ -112,6 +113,8 @@ def echo_load(echo: Part, donor: Setup, own: Setup, stream: tuple[int, ...]) -> 
             f"disturbance {NAME!r}: the loop with valve {echo.parameters[VALVE]!r} does not cycle;"
             f" three periods of at least {_SHORTEST:g} samples are needed"
         )
+
+    # Its slow part, and the kind of echo that is asked for
     rng = np.random.default_rng(stream)
     kind = ECHOES[int(p.kind)]
     load = _low_pass(error, p.cut / period, period)

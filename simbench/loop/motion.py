@@ -67,6 +67,7 @@ def least_swing(bands: list[tuple[float, float]]) -> float:
 
 def motion(mv: np.ndarray, least: float) -> Motion:
     """Find where a valve turns back by more than `least`."""
+    # Samples in which the valve moved
     v = np.asarray(mv, dtype=float)
     moves = np.flatnonzero(v[1:] != v[:-1])
 
@@ -77,6 +78,8 @@ def motion(mv: np.ndarray, least: float) -> Motion:
     value = v[moves[turn]].tolist()
     at.append(v.size - 1)
     value.append(float(v[-1]))
+
+    # A reversal is a stay from which it goes back by more than `least`
     best = 0
     high = float(v[0])
     low = float(v[0])

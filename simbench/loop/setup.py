@@ -47,6 +47,7 @@ class LoopParts:
 
 def look_up_parts(loop: Loop, tf: Any = None) -> LoopParts:
     """Return the parts of a loop; `tf` takes the place of its plant (its dead time stays)."""
+    # A plant of the user's, a plug-in, or the loop file's
     if tf is None:
         own = _plant_plugin(loop)
     else:
@@ -64,6 +65,8 @@ def look_up_parts(loop: Loop, tf: Any = None) -> LoopParts:
         raise ParameterError(
             "positive feedback: the plant's gain and the controller's direction have opposite signs"
         )
+
+    # The parts as a simulation takes them
     return LoopParts(
         num=num,
         den=den,

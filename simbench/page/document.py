@@ -213,6 +213,7 @@ def sortable(part: Table) -> list[dict[str, Any]]:
     """Return the columns of a table as part.html draws them: name, kind, and of each value its
     text, what stands small beside it, and the number that it is sorted by.
     """
+    # What kind of column it is
     columns = []
     named = False
     for name, values in part.frame.items():

@@ -106,6 +106,7 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
     """March from a state until two blocks of half cycles agree; None when the valve comes to rest
     or its swing dies.
     """
+    # The march in blocks, until two blocks agree
     x, s, past = (a.copy() for a in state)
     means: list[np.ndarray] = []
     left = _LONGEST_MARCH
@@ -130,6 +131,8 @@ def settled(loop: SampledLoop, state: tuple, multiplier: float | None) -> ExactC
     else:
         if loop.J == 0 and means[-1][2] < means[-2][2]:
             return None  # without a slip jump nothing stops the swing from fading away
+
+    # The means of the last two blocks
     half, amplitude, swing = (float(value) for value in (means[-1] + means[-2]) / 2)
     irregularity = float(halves.std() / halves.mean())
     return ExactCycle(2 * half * loop.Ts, amplitude, swing, irregularity, multiplier, (x, s, past))

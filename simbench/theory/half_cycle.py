@@ -62,6 +62,7 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
     For L(s) = k e^(-Td s)/s and Ts -> 0 this gives P = 2 S/(k p) + 2 Td + k Td^2 and half
     peak-to-peak S/2 + k p Td/2 of OP, with p = J/(2 - k Td).
     """
+    # Half cycles that were found, and the numbers of moving samples that were tried
     found: list[HalfCycle] = []
     tried: set[int] = set()
 
@@ -72,6 +73,8 @@ def half_cycles(loop: SampledLoop) -> list[HalfCycle]:
         m = loop.delay + 1
     T = standing(loop)
     waits = np.unique(np.geomspace(1, loop.patience, 160).astype(np.int64)) - 1
+
+    # The turn that a half cycle shows is the next number to try
     while loop.fs > 0 and m not in tried and m < loop.patience:
         tried.add(m)
         turns = []
@@ -102,9 +105,13 @@ def _with_moving_samples(
     lows = _sign_changes(head, T, loop.fs, waits)
     if lows.size == 0:
         return
+
+    # Powers of the transition matrix, as high as the waits ask for
     powers = [T]
     while 2 ** len(powers) <= 2 * lows[-1] + 4:
         powers.append(powers[-1] @ powers[-1])
+
+    # Between two whole numbers the solution is interpolated
     for low in lows.tolist():
         at, z, Y = _solve_half_cycle(head, T, powers, loop.fs, (low, low + 1))
         part = at[0] / (at[0] - at[1])
@@ -185,6 +192,7 @@ def _residual_by_kernel(head, T, powers, fs, q, Y, other, rows):
     """Return the residual as `_solve_half_cycle` does, to rounding; NaN where there is no cycle of
     this length.
     """
+    # The state after `q` samples at rest, by the powers
     c = len(head)
     _copy_array(head, Y)
     for bit in range(len(powers)):
@@ -192,6 +200,8 @@ def _residual_by_kernel(head, T, powers, fs, q, Y, other, rows):
             _multiply_into(powers[bit], Y, other)
             _copy_array(other, Y)
     _multiply_into(T, Y, other)
+
+    # The equations of a half cycle, whose second half is the first with the other sign
     _copy_array(Y, rows)
     for i in range(c - 1):
         rows[i, i] += 1.0
@@ -214,6 +224,8 @@ def _residual_by_kernel(head, T, powers, fs, q, Y, other, rows):
             factor = rows[i, k] / rows[k, k]
             for j in range(k, c + 1):
                 rows[i, j] -= factor * rows[k, j]
+
+    # Back substitution
     total = Y[c - 1, c]
     for k in range(c - 1, -1, -1):
         for j in range(k + 1, c):

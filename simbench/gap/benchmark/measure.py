@@ -190,7 +190,6 @@ def grid(
     >>> found.auc.lo <= found.auc.value <= found.auc.hi
     True
     """
-    # Loops, additions and records that can be compared
     # the grid, the records, and what is to be tried
     if n < _FEWEST:
         raise ParameterError(f"gap grid: n = {n} loops; at least {_FEWEST} are needed")
@@ -223,9 +222,9 @@ def grid(
             for strength in STRENGTHS if one.sized else (1.0,):
                 tried.append((name, strength))
     singles = _best_of_each(before, search.ask([(one,) for one in tried]))
+    together = search.combine(before, singles)
 
     # The grid as it is, and what brings it nearer
-    together = search.combine(before, singles)
     return GridGap(
         grid=plan.benchmark,
         loops=len(drawn),

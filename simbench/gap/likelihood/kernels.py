@@ -111,6 +111,8 @@ def valve(u, kind, p0, p1, p2):
 def _move_valve(u, kind, p0, p1, p2, v):
     """Fill `v` as `valve` returns it."""
     # Each map sample by sample; the start is an offset from OP
+
+    # Each map sample by sample; the start is an offset from OP
     lo = -np.inf
     hi = np.inf
     if kind == PLAY:
@@ -155,6 +157,7 @@ def _add_response(v, T, Td, out, weight):
     """Add `weight` times the answer of e^(-Td s)/(T s + 1) (T <= 0: e^(-Td s)/s) to each row of `v`
     less its start, held.
     """
+    # The exact answer over a sample, with a dead time that ends within one
     delay = math.floor(Td + 1e-9)
     late = max(Td - delay, 0.0)
     if T > 0.0:
@@ -200,6 +203,8 @@ def _add_response(v, T, Td, out, weight):
                 old2 = new2
                 old3 = new3
         first += 4
+
+    # The rows that are left, one by one
     for i in range(first, m):
         x = old = 0.0
         for k in range(n):
@@ -422,6 +427,7 @@ def _filter_gains(kalman, level, late, jumps, n):
     the state `level` on, which PV shows `late` samples later. A jump is followed by the same gains
     as the one before, unless they are close together.
     """
+    # The filter's gain and variance, sample by sample
     s = kalman.h.size
     count = jumps.places.size
     jump = jumps.size
@@ -441,6 +447,8 @@ def _filter_gains(kalman, level, late, jumps, n):
     last = -1
     since = -1
     upcoming = 0
+
+    # A jump of the load wakes the filter, or repeats what it did after the last one
     for k in range(n):
         if upcoming < count and k >= jumps.places[upcoming] - late:
             upcoming += 1
@@ -455,6 +463,8 @@ def _filter_gains(kalman, level, late, jumps, n):
                         copied(covariances[since, i], P[i])
                 live = True
                 start = k
+
+        # A filter that has settled keeps its gain
         if live:
             if start > 0 and k - start < 2:
                 # a jump between two samples is part of one at each
@@ -470,6 +480,8 @@ def _filter_gains(kalman, level, late, jumps, n):
             copied(after[since], gain)
             S = their_variances[since]
             since = min(since + 1, last)
+
+        # What holds at this sample
         copied(gain, gains[k])
         variances[k] = S
         if k <= SKIP or S != variances[k - 1]:
@@ -484,6 +496,7 @@ def _filter_channels(channels, F, h, gains, variances):
     """Return what the filter does not foresee of each channel (m, n), over its standard
     deviation.
     """
+    # Room for the state of every channel
     m, n = channels.shape
     s = h.size
     out = np.empty((m, n))
@@ -508,6 +521,8 @@ def _filter_channels(channels, F, h, gains, variances):
                 come[couplings] = j
                 weight[couplings] = F[i, j]
                 couplings += 1
+
+    # Each sample: what was not foreseen, over its standard deviation
     scale = 0.0
     for k in range(n):
         gain = gains[k]

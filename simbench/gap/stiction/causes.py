@@ -200,12 +200,15 @@ def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause
     """Return tuning and an external oscillation, each as a cause: by how regular the oscillation
     is, where there are periods enough to tell, and else by why it cannot be told.
     """
+    # The margins of the loop that is likelier
     swing = prepared.oscillation
     sticks = loops.sticky is not None and loops.probability > LIKELIER
     every = list(loops.healthy) + ([loops.sticky] if loops.sticky is not None else [])
     known = margins_among(every[-1] if sticks else every[0], every)
     if not swing.sustained:
         return _without_line(known, prepared, "the loop does not swing", 0.0)
+
+    # A rhythm, with periods and samples enough to tell a line
     periods = loops.record.duration / swing.period_s
     pace = swing.period_s / loops.record.Ts
     if periods < FEWEST_PERIODS or pace < FEWEST_PER_PERIOD:
@@ -216,6 +219,8 @@ def _weigh_oscillation(prepared: Prepared, loops: CandidateLoops) -> tuple[Cause
             few = f"{pace:.2g} samples each"
         why = f"{few} are too few to tell a line of the load from a resonance"
         return _without_line(known, prepared, why, 0.3)
+
+    # How well it keeps its phase
     keeps = coherence(loops.record.pv, pace)
 
     # what keeps its phase no better than friction, or a tight loop, would tells nothing

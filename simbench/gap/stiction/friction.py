@@ -299,6 +299,7 @@ def stands(record: LoopRecord) -> bool | None:
 
 def _weigh_friction(record: LoopRecord, known: Partial | None) -> Friction:
     """Return what a record shows of friction, before it is asked what would have shown."""
+    # Alone the record must have samples that were measured
     if record.tag:
         where = f"record {record.tag!r}"
     else:
@@ -316,6 +317,8 @@ def _weigh_friction(record: LoopRecord, known: Partial | None) -> Friction:
                 f"{where} unfit: {count} of {record.n} samples of PV were measured; {what}"
             )
         return _likeliest_view(_assess_both_kinds(record))
+
+    # With what is known of its loop
     whole, given, _ = complete_baseline(record, known)
     s = check(record, whole, trusted=False, tuned="controller" in given)
 
@@ -407,6 +410,7 @@ def _likeliest_view(views: Sequence[Assessment]) -> Friction:
     they show together: what the best fit with friction explains beyond the best without, sample by
     sample.
     """
+    # What friction gains on none, each in its own view
     nats = [{e: _price_samples(v, e) for e in (None, FRICTION)} for v in views]
 
     # the view in which each is likeliest
@@ -416,6 +420,8 @@ def _likeliest_view(views: Sequence[Assessment]) -> Friction:
     none = nats[at[None]][None]
     sticky = nats[at[FRICTION]][FRICTION]
     gain = friction_nats(sticky, none)
+
+    # The view that is told first is of the process that is known
     known = []
     for i, v in enumerate(views):
         if _is_kind(v, v.situation.record.process):
@@ -423,6 +429,8 @@ def _likeliest_view(views: Sequence[Assessment]) -> Friction:
     first = max(known or range(len(views)), key=lambda i: max(x.sum() for x in nats[i].values()))
     data = views[first].situation.data
     likeliest = views[at[FRICTION]]
+
+    # The evidence, with what a regression finds under a load of any spectrum
     regressed = friction_regressed(data.u, data.y)
     evidence = FrictionEvidence(
         gain + max(regressed.gain, LEAST_REGRESSED),

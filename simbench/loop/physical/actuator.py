@@ -127,6 +127,8 @@ def complete_band(
     """Fill the pair that was not given from the pair that was."""
     # S = percent (Fs + Fc), J = percent (Fs - Fc): force balance at rest and in slow motion,
     # Choudhury et al. (2005).
+
+    # One pair or the other is given
     high, low = forces
     S = values["S"]
     J = values["J"]
@@ -139,6 +141,8 @@ def complete_band(
             f"{where}: give S and J or {high} and {low}, not some of both; either pair sets the"
             " other"
         )
+
+    # Forces from the band
     if any(band):
         if not all(band):
             raise ParameterError(
@@ -151,6 +155,8 @@ def complete_band(
                 " Fv) or the map of model 'choudhury' can"
             )
         return {**values, high: 0.5 * (S + J) / percent, low: 0.5 * (S - J) / percent}
+
+    # The band from the forces
     if defaults is not None:
         if not pair[0]:
             Fs = defaults[0]

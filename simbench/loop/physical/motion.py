@@ -142,6 +142,7 @@ def fall_time(z, r, d, level, a, w2, T):
     """Return when the rate in direction `d`, at most `level` at time T, has fallen to `level`; 0 if
     never above it.
     """
+    # The rate falls from its fastest moment on
     lo = 0.0
     pull = w2 * z + 2.0 * a * r
     if d * pull < 0.0:
@@ -151,11 +152,15 @@ def fall_time(z, r, d, level, a, w2, T):
     speed = d * free(z, r, a, w2, lo)[1]
     if speed <= level:
         return 0.0
+
+    # A first guess from how fast it fades
     b2 = a * a - w2
     t = lo + log(speed / level) * ((a + sqrt(b2)) / w2 if b2 > 0.0 else 1.0 / a)
     hi = T
     if t >= hi:
         t = 0.5 * (lo + hi)
+
+    # Newton's step within a bracket
     for _ in range(100):
         z1, r1 = free(z, r, a, w2, t)
         if d * r1 > level:

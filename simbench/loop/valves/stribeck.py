@@ -92,6 +92,7 @@ def slide_stribeck(u, x, r, h, fs, fd, vs, a, w2, rest, T):
 
     (NaN, NaN, NaN) when the motion took more than `_MAX_STEPS` steps.
     """
+    # All of the time is used up, or the valve rests
     for _ in range(_MAX_STEPS):
         if T <= 0.0:
             return x, r, h
@@ -129,6 +130,8 @@ def slide_stribeck(u, x, r, h, fs, fd, vs, a, w2, rest, T):
             if d * r1 <= rest and d * r1 < d * r:
                 r1 = 0.0
             x1 = min(max(x1, 0.0), 100.0)
+
+        # The end of this step
         x = x1
         r = r1
         T = T - t
