@@ -61,11 +61,14 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     been written down on a finer one: its levels are then a little off, each always by the same. Not
     for a file's decimals: a transmitter of the same step cannot be distinguished from them.
     """
+    # Levels that occur once were bridged, where they are few
     levels, count = np.unique(x, return_counts=True)
     once = count == 1
     if once.sum() < _BRIDGED * x.size:
         levels = levels[~once]
         count = count[~once]
+
+    # The spacing of neighbours, from the narrowest on
     fine = unit + 1e-8 * (float(max(-levels[0], levels[-1])) or 1.0)
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1.5 * fine]
@@ -77,6 +80,8 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
     repeats = count.sum() >= _REPEATS * levels.size
     if levels.size < 3:
         return step if repeats else 0.0
+
+    # Spacing and beginning together, by least squares
     place = levels - levels[0]
     for _ in range(3):
         # spacing and beginning sharpen each other
@@ -90,6 +95,8 @@ def lattice(x: np.ndarray, unit: float = 0.0) -> float:
         if step <= 0.0:
             return 0.0
         place = place - (place.mean() - step * number.mean())
+
+    # Every level near the lattice, and that not by chance
     off = float(np.abs(place - step * np.round(place / step)).max())
     if off > _OFF * step + 0.6 * fine:
         return 0.0

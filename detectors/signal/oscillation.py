@@ -113,6 +113,7 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     time. Noise and loads have swings of every size: the more is asked for, the fewer are left;
     after a load that steps OP comes to rest. Not for loads that ramp by one size.
     """
+    # A signal that stands still has no swings
     low = float(op.min())
     high = float(op.max())
     if not high > low:
@@ -138,6 +139,8 @@ def wandering(op: np.ndarray) -> np.ndarray | None:
     end = i + widest[i]
     if widest[i] < 0 or _LEAST_SWINGS[end] < _GAP * _LEAST_SWINGS[i]:
         return None
+
+    # Swings of one size, to the end of the record, with OP under way all the time
     at = at[1 : turn(x, _LEAST_SWINGS[end], at)]
     size = np.abs(np.diff(x[at]))
     time = np.diff(at)

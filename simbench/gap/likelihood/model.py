@@ -159,17 +159,17 @@ class Spec:
     def join(self, other: Spec) -> Spec:
         """Return both specs together; of two valve maps or poles the second wins."""
         return Spec(
-            self.free | other.free,
-            other.valve or self.valve,
-            other.pole or self.pole,
-            self.walk or other.walk,
-            self.load_walk or other.load_walk,
-            self.pink or other.pink,
-            self.channels + other.channels,
-            other.start or self.start,
-            other.moves or self.moves,
-            tuple(sorted({*self.jumps, *other.jumps})),
-            self.fade or other.fade,
+            free=self.free | other.free,
+            valve=other.valve or self.valve,
+            pole=other.pole or self.pole,
+            walk=self.walk or other.walk,
+            load_walk=self.load_walk or other.load_walk,
+            pink=self.pink or other.pink,
+            channels=self.channels + other.channels,
+            start=other.start or self.start,
+            moves=other.moves or self.moves,
+            jumps=tuple(sorted(set(self.jumps + other.jumps))),
+            fade=self.fade or other.fade,
         )
 
     @property
