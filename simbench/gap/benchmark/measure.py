@@ -182,7 +182,7 @@ def grid(
 
     Examples
     --------
-    >>> from simbench.gap.benchmark.loops import draw_loops
+    >>> from simbench.gap.benchmark.measure import draw_loops
     >>> from simbench.scenarios.settled import settled_grid
     >>> drawn = draw_loops(settled_grid("smoke"), 12, seed=1)
     >>> records = {str(k): one.record for k, one in enumerate(drawn)}

@@ -1,6 +1,6 @@
 import numpy as np
 
-from simbench.cli.simulate import valve_file
+from simbench.cli.valve_table import valve_file
 from simbench.loop.response import valve_response
 
 
