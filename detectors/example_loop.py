@@ -83,9 +83,11 @@ def example_loop(**settings: Any) -> LoopRecord:
             moving = False
         if not moving and abs(u - valve) > fs:
             if u > valve:
-                way, moving = (1, True)
+                way = 1
+                moving = True
             else:
-                way, moving = (-1, True)
+                way = -1
+                moving = True
         if moving:
             valve = u - way * fd
 

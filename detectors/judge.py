@@ -283,7 +283,8 @@ def _as_archived(verdict: Verdict, prepared: Prepared) -> Verdict:
         if value is None:
             continue
         if isinstance(value, (int, float)):
-            lo, hi = (value, value)
+            lo = value
+            hi = value
         else:
             lo, hi = value
         band = op * percent + pv * hi

@@ -218,9 +218,11 @@ class Prepared:
             x = self.signal(name)
             return self.share(f"raw half cycles {name}", lambda: split(x - x.mean(), period))
         if self.oscillation.swings:
-            edge, longest = (0, np.inf)
+            edge = 0
+            longest = np.inf
         else:
-            edge, longest = (round(period / 2), 1.0)
+            edge = round(period / 2)
+            longest = 1.0
         inner = slice(edge, self.record.n - edge)
         return self.share(
             f"half cycles {name}", lambda: split(self.clean(name)[inner], period, longest=longest)

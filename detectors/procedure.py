@@ -129,8 +129,6 @@ class Diagnosis:
     indices: dict[str, float] = field(default_factory=dict)
 
     @property
-
-    # PV about the middle of its range, turned as OP first moves
     def reason(self) -> str:
         """The last answers in one sentence."""
         decisive = []
@@ -139,8 +137,6 @@ class Diagnosis:
                 decisive.append(s)
         if decisive[-1].step != "valve":
             return decisive[-1].evidence
-
-        # OP in % of travel, rounded so that rounding of the record decides nothing
         return f"{decisive[-2].evidence}; {decisive[-1].evidence}"
 
     def __repr__(self) -> str:
@@ -214,8 +210,6 @@ class ProcedureRules:
 
 def walk(prepared: Prepared, rules: ProcedureRules) -> Diagnosis:
     """Take a prepared record through the procedure; result as `diagnose`."""
-    # From question to question until a conclusion stands
-
     # From question to question until a conclusion stands
     course = _Course(prepared, rules)
     steps = []
@@ -449,7 +443,8 @@ class _Course:
         if isinstance(self.S, tuple):
             lo, hi = self.S
         else:
-            lo, hi = (self.S, self.S)
+            lo = self.S
+            hi = self.S
         if lo == hi:
             size = f"S = {lo:.2g} %"
         else:

@@ -249,7 +249,8 @@ def _verdict_of(name: str, answer: Any) -> Verdict:
     if isinstance(answer, Sequence) and not isinstance(answer, str) and len(answer) == 2:
         word, score = answer
     else:
-        word, score = (answer, None)
+        word = answer
+        score = None
 
     # Truth values stand for the words
     if isinstance(word, np.bool_):

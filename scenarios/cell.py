@@ -313,9 +313,9 @@ def ultimate_gain(Td_over_T: float) -> float:
     for _ in range(60):
         w = 0.5 * (lo + hi)
         if w * Td_over_T + math.atan(w) < math.pi:
-            lo, hi = (w, hi)
+            lo = w
         else:
-            lo, hi = (lo, w)
+            hi = w
     return math.sqrt(1.0 + lo * lo)
 
 

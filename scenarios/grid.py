@@ -207,10 +207,8 @@ def _with_axes(content: GridFile, axes: dict[str, tuple[Value, ...]], name: str)
         members = []
         for m in block.member:
             members.append(m.model_copy(update={"where": _narrow_axes(m.where, fitting)}))
-        members = tuple(members)
-        blocks.append(
-            block.model_copy(update={"axes": {**block.axes, **fitting}, "member": members})
-        )
+        changes = {"axes": {**block.axes, **fitting}, "member": tuple(members)}
+        blocks.append(block.model_copy(update=changes))
     return content.model_copy(update={"block": tuple(blocks)})
 
 

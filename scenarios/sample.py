@@ -149,9 +149,8 @@ class Sample(Grid):
                     allowed.append(
                         tuple(i for i, v in enumerate(values) if v in member.where.get(key, values))
                     )
-                allowed = tuple(allowed)
                 sizes = tuple(map(len, axes.values()))
-                yield _Stratum(member, first, sizes, allowed, self.content.repeats)
+                yield _Stratum(member, first, sizes, tuple(allowed), self.content.repeats)
 
     def _draw_places(self, total: int) -> Iterator[int]:
         """Yield increasing places in the list of all scenarios, each place with probability

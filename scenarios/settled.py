@@ -98,7 +98,6 @@ class SettledGrid(Grid):
                     row["scenario_id"],
                 )
             )
-        drafts = tuple(drafts)
 
         # A group without rows still has a loop of the grid's kind
         first = next(iter(self._rows_of_file.values()))[0]
@@ -106,7 +105,7 @@ class SettledGrid(Grid):
             twin = drafts[0].loop
         else:
             twin = Loop.from_table(json.loads(first["loop"]))
-        return Group(index, twin, Rules(), drafts)
+        return Group(index, twin, Rules(), tuple(drafts))
 
 
 def table_of(rows: Iterable[Mapping[str, Any]]) -> bytes:

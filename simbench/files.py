@@ -160,8 +160,6 @@ def refuse_own_input(
     nothing can stand.
     """
     # Every file that the command reads
-
-    # Every file that the command reads
     wanted = [Path(p) for p in outputs if p is not None]
     if not wanted:
         return

@@ -59,8 +59,6 @@ def detect(prepared: Prepared, *, ngi_low: float, nli_low: float) -> Verdict:
     'stiction'
     """
     # The bicoherence of the control error, which the procedure shares
-
-    # The bicoherence of the control error, which the procedure shares
     record = prepared.record
     period = prepared.oscillation.period_s / record.Ts
     test = prepared.share("bicoherence", lambda: error_bicoherence(record.e, period))

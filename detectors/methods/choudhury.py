@@ -186,9 +186,9 @@ def detect(
         given or ellipse for given, ellipse in zip((low, high), boundaries(around), strict=True)
     )
     op = band_pass(op, low, high)
+    pv = band_pass(pv, low, high)
 
     # The ellipse of the most regular cycles
-    pv = band_pass(pv, low, high)
     cut = slice(*_most_regular(op))
     ellipse = fit_ellipse(op[cut], pv[cut])
     fitness = S = 0.0

@@ -109,9 +109,11 @@ def detect(prepared: Prepared, *, bound: float, least_A: float = 1.0) -> Verdict
     else:
         score = 0.5
     if score > bound:
-        verdict, form = (STICTION, "a central peak")
+        verdict = STICTION
+        form = "a central peak"
     else:
-        verdict, form = (NO_STICTION, "two humps")
+        verdict = NO_STICTION
+        form = "two humps"
     reason = f"differences of PV have {form}: mse_camel = {camel:.3g}, mse_gauss = {gauss:.3g}"
     return Verdict(
         "horch_histogram", verdict, score, {"mse_camel": camel, "mse_gauss": gauss}, reason=reason

@@ -67,7 +67,8 @@ def detect(prepared: Prepared, *, yes: float, no: float) -> Verdict:
     e = weighed.evidence
     unit = in_percent(record)[1]
     if weighed.fitted is None or e.gain <= 0.0:
-        S, J = (None, None)
+        S = None
+        J = None
     else:
         S, J = (x * unit for x in weighed.fitted)
     reason = f"probability of stiction {p:.2f}: friction brings {e.gain:+.0f} nats"

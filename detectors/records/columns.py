@@ -337,8 +337,6 @@ def _columns_option(roles: Roles, *named: str) -> str:
 def find_time(table: Sheet, chosen: Mapping[str, str], roles: Roles) -> str:
     """Return the column of time, by its name or by the stamps that it holds."""
     # by name, of the whole table before one of a signal
-
-    # By its name
     if "t" in chosen:
         return chosen["t"]
     times = []

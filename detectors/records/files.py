@@ -49,8 +49,6 @@ class Sheet:
 def read_tables(path: Path, is_head: IsHead) -> dict[str, Sheet]:
     """Return the tables of a file: of a workbook the sheets with a header by name, else one."""
     # a file with something in it
-
-    # A file that is there and holds anything
     if not path.is_file() or path.stat().st_size == 0:
         if path.is_file():
             why = "is empty"
@@ -95,8 +93,6 @@ def read_texts(path: str | Path) -> Sheet:
 def table_of(columns: Any, where: str, row: str = "row") -> Sheet:
     """Return the table of a data frame, or of a mapping of names to arrays or lists."""
     # times may stand in the index of a frame; a text that repeats is kept once
-
-    # A frame of pandas, with its index where that has a name or holds times
     if hasattr(columns, "reset_index"):
         named = columns.index.name or columns.index.dtype.kind == "M"
         if named:
@@ -176,8 +172,6 @@ def _refuse_large(path: Path, size: int) -> None:
 def _read_text(path: Path, is_head: IsHead) -> Sheet:
     """Read text by the separator under which a line names the signals."""
     # the encoding, which all of the file must have
-
-    # The encoding: UTF-16 by its mark, UTF-8, or Windows-1252
     data = path.read_bytes()
     wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     if b"\0" in data[:4096] and not wide:

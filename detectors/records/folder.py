@@ -101,8 +101,6 @@ def read_folder(
 def read_labels(path: str | Path) -> dict[str, dict[str, str]]:
     """Read a table of labels, one row per record."""
     # one row per record
-
-    # The columns that a table of labels has
     columns = {name.strip().lower(): cells for name, cells in read_texts(path).columns.items()}
     key = next((k for k in ("id", "record") if k in columns), None)
     if key is None or "label" not in columns:

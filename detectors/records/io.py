@@ -412,8 +412,6 @@ def _check_spans(record: LoopRecord, where: str) -> list[str]:
     unknown unit.
     """
     # OP that may be no %; a share of 1 is asked for, as % is 100 times as large
-
-    # An OP whose unit is not stated
     notes = []
     lo = float(record.op.min())
     hi = float(record.op.max())

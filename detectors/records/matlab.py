@@ -78,8 +78,6 @@ def _is_vector(value: Any) -> bool:
 def _table_of(where: str, fields: dict[str, Any]) -> Sheet:
     """Return the signals of one loop, and what the file states about it."""
     # its vectors, as long as PV or as most of them; a set point may be one number
-
-    # Real numbers, under names in lower case
     for name, value in fields.items():
         if np.iscomplexobj(value):
             raise RecordError(f"{where}: {name} holds complex numbers; real ones are needed")

@@ -76,8 +76,6 @@ def _of_stamps(stamps: np.ndarray) -> np.ndarray:
 def _of_numbers(t: np.ndarray, table: Sheet, name: str) -> np.ndarray:
     """Return seconds from numbers; without a unit they are seconds, unless no record counts so."""
     # in the unit that is named, or below the name
-
-    # In the unit that the file states
     unit = parse(name).unit or table.units.get(name, "")
     if unit and unit not in TIME_UNITS:
         raise RecordError(f"{table.where}: {name} is in {unit!r}; one of {', '.join(TIME_UNITS)}")
@@ -266,9 +264,12 @@ def fill_gaps(t: np.ndarray, signals: Signals, Ts: float, table: Sheet) -> tuple
         if both.any():
             first, last = _find_longest(place[both])
         else:
-            first, last = (0, -1)
+            first = 0
+            last = -1
         if 2 * (last - first + 1) >= hi - lo + 1:
-            known, lo, hi = both, first, last
+            known = both
+            lo = first
+            hi = last
     grid = np.arange(lo, hi + 1)
     if grid.size < size:
         part = f"judged samples {lo} to {hi} of {size} ({grid.size / size:.0%})"

@@ -70,8 +70,6 @@ class Report:
         method.
         """
         # what stands beside each verdict
-
-        # The conclusion and the event of every record
         concluded = {}
         for n, c in self.conclusions.items():
             concluded[n] = {"conclusion": c.as_json()}
@@ -149,8 +147,6 @@ class Report:
             One line per verdict, and how many methods said what.
         """
         # what was concluded, and what each method says
-
-        # The conclusions and methods, ranked where there are several records
         concluded = {}
         for name, conclusion in self.conclusions.items():
             concluded[name] = conclusion.as_lines()

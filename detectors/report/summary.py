@@ -104,8 +104,6 @@ def as_text(
     for.
     """
     # one record: conclusion, methods, notes
-
-    # One record: conclusion, methods, notes
     records = list(groups)
     concluded = concluded or {}
     lines = []

@@ -75,7 +75,7 @@ def fit_ellipse(x: np.ndarray, y: np.ndarray) -> Ellipse | None:
     u = u / sx
     v = v / sy
 
-    # Scatter matrices of the quadratic and the linear part (Halir and Flusser 1998, eq. 21 to 25)
+    # Scatter matrices of the quadratic and the linear part (Halir and Flusser 1998)
     D1 = np.array([u * u, u * v, v * v])
     D2 = np.array([u, v, np.ones(u.size)])
     S1 = D1 @ D1.T

@@ -1,4 +1,6 @@
-"""Detect a signal that stays exactly constant for longer than chance explains."""
+"""Detect what an archive makes of a signal: values that it holds for longer than chance explains,
+and straight lines between those that it stored.
+"""
 
 from __future__ import annotations
 

@@ -93,11 +93,11 @@ def find_oscillation(op: np.ndarray, pv: np.ndarray, Ts: float) -> Oscillation:
     else:
         best = replace(of_op, signal="op")
 
-    # A valve that wanders between two places counts as well
     if best.sustained:
-        at = None
-    else:
-        at = wandering(op)
+        return best
+
+    # A valve that wanders between two places counts as well
+    at = wandering(op)
     if at is None:
         return best
     period = 2.0 * float(at[-1] - at[0]) / (at.size - 1)

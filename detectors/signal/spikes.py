@@ -1,4 +1,6 @@
-"""Find spikes: single samples that lie off the line through their neighbours."""
+"""Find spikes, single samples that lie off the line through their neighbours, and test whether the
+largest samples of a noise are outliers.
+"""
 
 from __future__ import annotations
 

@@ -136,6 +136,9 @@ def nonlinearity_index(x: np.ndarray, period: float, seed: int = 0) -> _Npi:
 
 # --- Compute the prediction error of the detector `surrogate`: find for each segment of a signal
 # its nearest segments, by comparing all pairs.
+#
+# The function also runs, slowly, as plain Python; `simbench.detectors.compiled.compiled` compiles
+# it. A tree does not pay for a few hundred pieces of ten samples.
 
 
 def prediction_errors(x, embedding, horizon, neighbours):

@@ -113,20 +113,20 @@ def travel_recorded(record: LoopRecord) -> TravelTest:
         bands = None
     if record.mv is not None:
         by_mv = _read_holds(np.asarray(record.mv), record.Ts, *holds, slope=False)
-        if _moves_beyond_noise(by_mv):
+        if bands is not None and _moves_beyond_noise(by_mv):
             told = _explaining_bands(by_mv)
-        else:
-            told = None
-        if told is not None and bands is not None and _intervals_meet(told.S, bands.S):
-            bands = told
+            if _intervals_meet(told.S, bands.S):
+                bands = told
 
     # Whether the valve sticks, in words
     increment = float(np.abs(np.diff(by_pv.op))[np.diff(by_pv.op) != 0.0].min())
     sticky, reason = _in_words(bands, increment, by_pv.settled)
     if bands is None:
-        S, J = (None, None)
+        S = None
+        J = None
     else:
-        S, J = (bands.S, bands.J)
+        S = bands.S
+        J = bands.J
 
     # The middle of each range is the estimate
     return TravelTest(

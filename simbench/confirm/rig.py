@@ -81,8 +81,6 @@ def run_rig(
     compiled loop.
     """
     # Loops side by side share their clock
-
-    # Loops side by side share their clock
     n = setups[0].sp.size
     Ts = setups[0].Ts
     if any(s.sp.size != n or s.Ts != Ts for s in setups):

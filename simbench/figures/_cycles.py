@@ -77,8 +77,6 @@ def panel_cycles(
 def draw_cycles(data: pd.DataFrame, ratio: str, shown: str, pv_label: str) -> Figure:
     """Draw OP, MV and PV over time, MV over OP and PV over OP, one column per loop."""
     # each loop begins anew
-
-    # A column for every cycle: the signals, then both plots over OP
     cycles = [cycle for _, cycle in data.groupby((data["t (s)"] == 0.0).cumsum())]
     figure, axes = panels(5, len(cycles), 11.0, 9.0)
     for j, cycle in enumerate(cycles):

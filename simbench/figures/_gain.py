@@ -43,8 +43,6 @@ def gain_table(loop: Loop, factor: float, numbers: Mapping[str, float]) -> pd.Da
 def draw_gain(data: pd.DataFrame) -> Figure:
     """Draw OP and PV over time, with gain and period on either side."""
     # OP and PV over time
-
-    # OP and PV over time
     figure, axes = panels(2, 1, 7.2, 4.2, sharex=True)
     for place, name, unit in (
         (axes[0, 0], "OP", "OP (%)"),

@@ -93,8 +93,6 @@ def table(
     a frame.
     """
     # the texts in lines, and what room they take
-
-    # Wrapped cells, and how high and wide they are
     rows = [tuple(map(str, frame.columns)), *frame.astype(str).itertuples(index=False, name=None)]
     texts = [[_wrap_text(t, w) for t, w in zip(row, widths, strict=True)] for row in rows]
     heights = [max(t.count("\n") + 1 for t in row) * 0.155 + 0.11 for row in texts]

@@ -54,8 +54,6 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw OP and PV with the two bands marked."""
     # OP and PV, with the ends of both parts
-
-    # OP and PV, with the ends of both parts
     figure, axes = panels(2, 1, 7.2, 4.8, sharex=True)
     t = data["t (s)"]
     for place, name in ((axes[0, 0], "OP"), (axes[1, 0], "PV")):

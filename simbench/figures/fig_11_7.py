@@ -26,8 +26,6 @@ def data() -> pd.DataFrame:
     the law jumps.
     """
     # Each law over the speed that shows it
-
-    # Each law over the speed that shows it
     p = valve_parameters(VALVES.load("stribeck"), {}, 1.0)
     wide = np.linspace(0.0, 600.0, 61)
     narrow = np.linspace(0.0, 1.5, 151)

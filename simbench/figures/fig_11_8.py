@@ -42,8 +42,6 @@ def data(loops: Loops | None = None) -> pd.DataFrame:
     period (s), and the numbers of the loop.
     """
     # The open loop over frequency
-
-    # The open loop over frequency
     rows = []
     loops = loops or Loops()
     for panel in PLANTS:

@@ -84,8 +84,6 @@ def data() -> pd.DataFrame:
 def draw(data: pd.DataFrame) -> Figure:
     """Draw one waveform per cell with the table's word and the agreement."""
     # One panel for every cell
-
-    # One panel for every cell
     figure, axes = panels(2, len(TABLE_11_2), 10.4, 4.6, sharex=True, sharey=True)
     for j, (process, action) in enumerate(TABLE_11_2):
         part = data[(data["process"] == process) & (data["action"] == action)]

@@ -29,7 +29,7 @@ from simbench.gap.intake.healthy import Healthy, check_healthy, learn
 from simbench.gap.intake.partial import Partial, complete_baseline, read_baseline
 from simbench.gap.report.result import GapReport
 from simbench.gap.reporting import report
-from simbench.gap.situation import Situation
+from simbench.gap.situation import Situation, name_of_record
 from simbench.gap.stiction.candidate_loops import CandidateLoops, candidate_loops
 from simbench.gap.stiction.conclusion import Conclusion, judged
 from simbench.gap.stiction.deniable import FRICTION
@@ -227,7 +227,7 @@ def _assess_one(
     it without that baseline is evidence, where it states none: no loops are needed then.
     """
     # 1. the record and the baseline: can they be compared, and what does the baseline not say?
-    refuse_unfit(record, f"record {record.tag!r}" if record.tag else "record")
+    refuse_unfit(record, name_of_record(record))
     record, of_mv = as_believed(record)
     loop, given, completions = complete_baseline(record, baseline)
     completions = completions + list(of_mv)

@@ -246,9 +246,11 @@ def shown(s: Situation, name: str) -> dict[str, float | str] | None:
     without doubt, where nothing known does; None otherwise.
     """
     if name == "held":
-        find, block = (frozen, "sensor")
+        find = frozen
+        block = "sensor"
     else:
-        find, block = (controller_term, "controller")
+        find = controller_term
+        block = "controller"
     if any(block_of(effect) == block for effect in s.facts) or not s.trusted:
         return None
     term = find(s, int(_LEARNT * s.record.n))

@@ -146,8 +146,6 @@ def _rank_answers(
     simulated.
     """
     # gaps of the answers that were simulated
-
-    # The gap before and after of the named answer, and of its nearest rivals
     effects = [e for e in named if e in EFFECTS]
     ranking = sorted(weights.probability.items(), key=lambda kv: -kv[1])
     sizes = {NONE: (main.before, main.before)}

@@ -95,9 +95,7 @@ class Situation(Seen):
     @property
     def where(self) -> str:
         """The record's name, as messages begin."""
-        if self.record.tag:
-            return f"record {self.record.tag!r}"
-        return "record"
+        return name_of_record(self.record)
 
     @property
     def facts(self) -> set[str]:
@@ -145,6 +143,13 @@ class Situation(Seen):
     def integrating(self) -> bool:
         """Whether the plant integrates."""
         return self.baseline.plant.integrating
+
+
+def name_of_record(record: LoopRecord) -> str:
+    """Return a record's name, as messages about it begin."""
+    if record.tag:
+        return f"record {record.tag!r}"
+    return "record"
 
 
 def through_valve(

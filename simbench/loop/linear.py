@@ -126,8 +126,6 @@ def in_series(inner: Setup, outer: Setup) -> Parts:
 def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType], Any]:
     """Return the sampled plant, its steps and their numbers."""
     # A plug-in computes its own step; its transfer function is not changed
-
-    # A plug-in computes its own step; its transfer function is not changed
     if setup.plant_plugin is not None:
         module, p = setup.plant_plugin
         num, den = linear_plant(module, p)
@@ -167,8 +165,6 @@ def _plant_of(setup: Setup) -> tuple[plant.SampledPlant, dict[str, FunctionType]
 
 def _control_of(setup: Setup) -> tuple[dict[str, FunctionType], Any]:
     """Return the controller's steps and their numbers."""
-    # A plug-in has the numbers that it names
-
     # A plug-in has the numbers that it names
     gain = setup.sign * setup.Kc
     limits = (setup.op_lo, setup.op_hi)

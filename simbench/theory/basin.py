@@ -81,9 +81,9 @@ def kick_min(loop: SampledLoop, cycle: ExactCycle) -> float | None:
             while high - low > 1e-3 * high:
                 middle = 0.5 * (low + high)
                 if starts_cycle(loop, cycle, middle):
-                    low, high = (low, middle)
+                    high = middle
                 else:
-                    low, high = (middle, high)
+                    low = middle
             return float(high)
         before = now
     return None

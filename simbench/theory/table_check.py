@@ -81,8 +81,6 @@ def _condition_of_key(key: tuple[str, str, str], exists: bool) -> str:
 
 def _loops_of_cell(process: str, controller: str, nonlinearity: str) -> Iterator[SampledLoop]:
     # Plants with and without dead time
-
-    # Plants with and without dead time
     integrating = process == "integrating"
     if integrating:
         plant: dict[str, Any] = {"type": "integrating", "K": 0.1}

@@ -176,8 +176,6 @@ def _without_mapping(setup: Setup, theory: dict[str, Any]) -> None:
 
 
 def _reason(loop: SampledLoop, cycle: ExactCycle | None) -> str:
-    # Why there is none
-
     # Why there is none, or what is special about it
     place = cell(loop)
     assert place is not None

@@ -1,5 +1,5 @@
 """The maps from OP to the position of a valve, each as one step of plain Python, which kernels
-compile.
+compile, and which valves (S, J) are different.
 
 OP `u`, positions and sizes are in one unit; travel ends at `lo` and `hi`, in % unless stated
 otherwise.

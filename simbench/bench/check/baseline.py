@@ -86,8 +86,6 @@ def _write_verdicts(
 ) -> Path:
     """Write the tables of a run with some columns empty, and the manifest, which comes last."""
     # where it is written, and what a baseline says of its run
-
-    # A folder that holds a baseline, or nothing
     _refuse_foreign(Path(folder))
     folder = make_folder(folder)
     whole = read_manifest(run)

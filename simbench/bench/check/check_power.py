@@ -66,8 +66,6 @@ def unseen_losses(tests: pd.DataFrame, basis: str, changed: Collection[str]) -> 
     few loops that they cover, or too many answers that changed both ways.
     """
     # whatever became of the answers that `changed`
-
-    # Methods that were right too rarely for any loss to show
     for method, rows in tests[tests["method"].isin(changed)].groupby("method", sort=False):
         right = rows[(rows["what"] == "right") & (rows["n"] > 0)]
         if len(right) and not rows["may_fall"].to_numpy().any():

@@ -108,8 +108,6 @@ def _read_rows(file: Path) -> Iterator[tuple[int, dict[str, str]]]:
     empty.
     """
     # commas, or what spreadsheets of other countries write in their place, with decimal commas
-
-    # The table as text, whichever separator it has
     try:
         content = plain_bytes(file)
         head = content.partition(b"\n")[0].decode("utf-8-sig")

@@ -283,8 +283,6 @@ def scenario_columns(scenario: Scenario, group: int) -> dict[str, Any]:
 def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, Any]:
     """Return a scenario's row of the scenarios table; `prepared` is its record without MV."""
     # What theory predicts and the simulation did
-
-    # What theory predicts and the simulation did
     row = scenario_columns(it.scenario, it.group)
     row.update(
         zip(_THEORY_COLUMNS, it.theory),
@@ -317,8 +315,6 @@ def scenario_row(it: SimulatedScenario, prepared: Prepared | None) -> dict[str, 
 
 def verdict_row(ident: str, answer: Answer) -> dict[str, Any]:
     """Return one method's row of the verdicts table."""
-    # Numbers of the answer; JSON has no infinity
-
     # Ends of the sizes, and indices without infinity
     said = answer.verdict
     S_lo, S_hi = level_ends(said.S)

@@ -128,8 +128,6 @@ def _samples_of_record(plan: Grid, block: Any) -> float:
 
 def _find_wrong_parts(plan: Grid) -> Iterator[str]:
     # Disturbances: a known type, parameters that it has
-
-    # Disturbances: a known type, parameters that it has
     content = plan.content
     for name, load in content.disturbances.items():
         where = f"disturbance {name!r}"

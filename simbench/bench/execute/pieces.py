@@ -52,8 +52,6 @@ def held(folder: Path) -> Iterator[None]:
     where another process holds it.
     """
     # the lock, in the folder
-
-    # The lock of the folder, or who holds it
     was_there = folder.exists()
     lock = FileLock(make_folder(folder) / _LOCK)
     try:

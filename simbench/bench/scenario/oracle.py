@@ -90,8 +90,6 @@ def _best_valve(
     """Return S and J of the best valve, and its misfit: of a coarse lattice over all valves, then
     of finer ones around the best so far.
     """
-    # A coarse lattice over all valves to begin with
-
     # The first lattice covers all valves
     sizes = _BANDS
     ratios = _JUMPS

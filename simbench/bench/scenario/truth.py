@@ -134,8 +134,7 @@ def healthy_twin(loop: Loop) -> Loop:
     for e in loop.effect:
         if not friction(ideal.model_copy(update={"effect": (e,)})):
             kept.append(e)
-    kept = tuple(kept)
-    return loop.model_copy(update={"valve": valve, "effect": kept})
+    return loop.model_copy(update={"valve": valve, "effect": tuple(kept)})
 
 
 def _samples_of_tail(period: float) -> int:

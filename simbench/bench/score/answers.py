@@ -1,4 +1,6 @@
-"""What every method of a run said, one row a method, and what the reference rows say."""
+"""What every method of a run said, one row a method, what the reference rows say, and how often
+each answer was given.
+"""
 
 from __future__ import annotations
 
@@ -50,8 +52,6 @@ class Answers(NamedTuple):
 
 def answers_of(book: RunArrays) -> Iterator[Answers]:
     """Yield what every method of a run said, and two yardsticks that always say the same."""
-    # Every method, with what the run's manifest says of it
-
     # Every method, with what the run's manifest says of it
     for i, method in enumerate(book.methods):
         about = book.manifest["methods"][method]

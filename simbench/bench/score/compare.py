@@ -1,4 +1,6 @@
-"""Compare the methods of a run on the same scenarios, every two of them."""
+"""Compare the methods of a run on the same scenarios, every two of them, and the same loops of two
+runs.
+"""
 
 from __future__ import annotations
 

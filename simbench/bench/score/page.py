@@ -122,8 +122,6 @@ def _draw_ranking(scores: Scores, truth: str, failed: str) -> list[Part]:
 def tabulate(rows: pd.DataFrame) -> Table:
     """Return one row per method with the columns that a reader compares."""
     # a rank on a part of the loops says so
-
-    # Methods, with the loops that they are ranked on
     names = []
     for r in rows.itertuples():
         names.append(
@@ -226,8 +224,6 @@ def _draw_roc_curves(book: RunArrays | None) -> list[Part]:
     threshold sits on.
     """
     # the detectors whose scores tell at least one cycling loop from one that rests
-
-    # The curve of every detector with enough of both kinds
     if book is None:
         return []
     curves = []

@@ -202,10 +202,10 @@ def _score_block(
     for a, c in zip(sample.answers, counts, strict=True):
         row: dict[str, Any] = {"method": a.method, **where}
         row |= {key: getattr(a, key) for key in _ABOUT} | {key: c[key] for key in _COUNTED}
-        row["missed"] = _divide_counts(c["missed"], c["sticky"])
-        row["no_decision_positives"] = _divide_counts(c["open_sticky"], c["sticky"])
 
         # Of loops that the method covers, by the truth
+        row["missed"] = _divide_counts(c["missed"], c["sticky"])
+        row["no_decision_positives"] = _divide_counts(c["open_sticky"], c["sticky"])
         row["no_decision_negatives"] = _divide_counts(
             c["open_other"], c["applicable"] - c["sticky"]
         )
@@ -309,9 +309,9 @@ def _mean_of_groups(
     alone = (float(values @ values) + 1.0) / size - ((float(values.sum()) + 1.0) / size) ** 2
     variance = max(float(shares @ shares) / values.size, alone)
     if of_all is None:
-        mean, n = (mean, values.size)
+        n = values.size
     else:
-        mean, n = (of_all, n)
+        mean = of_all
     half = 1.96 * math.sqrt(variance / n)
     return mean, max(mean - half, least), min(mean + half, 1.0)
 

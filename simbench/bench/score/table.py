@@ -171,8 +171,6 @@ def two_way_lines(
 ) -> list[str]:
     """Return some shares of each method over two axes, the first down and the second across."""
     # what the tables hold
-
-    # What the tables show
     down, across = axes
     more = "" if len(shares) > 1 else "; --method ID: sensitivity and false positives of one, too"
     names = ", ".join(_TITLES[name] for name in shares)
@@ -264,8 +262,6 @@ def _describe_run(scores: Any, whole: bool) -> list[str]:
 def _closing_sentences(scores: Any, truth: str, where: str, whole: bool = False) -> list[str]:
     """Return which differences are resolved, and where the report is."""
     # methods without a rank
-
-    # Methods that failed, or left records unanswered
     standing = scores.standing[truth, ALL, OF_OSCILLATING]
     rows = scores.rows(truth)
     said = []
@@ -400,8 +396,6 @@ def interval_text(value: float, lo: float, hi: float, few: bool = False) -> str:
 def full_text(scores: Any, truth: str = "cycled", where: str = "") -> list[str]:
     """Return every table of a run, the whole ranking first."""
     # the ranking of all loops, then of each kind of process
-
-    # Ranking and resolution for both kinds of plant
     lines = headline(scores, truth, whole=True)
     for process in ("self-regulating", "integrating"):
         rows = scores.rows(truth, process=process)

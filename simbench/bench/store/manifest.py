@@ -62,8 +62,6 @@ def describe(settings: Mapping[str, Any]) -> dict[str, Any]:
 def read_manifest(path: str | Path) -> dict[str, Any]:
     """Return the manifest of a run."""
     # the file as JSON
-
-    # What another call began is ended first
     folder = local_path(path)
     put_in_place(folder)
     file = folder / MANIFEST
@@ -92,10 +90,7 @@ def read_manifest(path: str | Path) -> dict[str, Any]:
             f"{file} was written in format version {written_in!r:.60}; version {FORMAT} is needed:"
             " run it again"
         )
-    plain = {}
-    for key, value in manifest.items():
-        if key != _CHECKSUM:
-            plain[key] = value
+    plain = _without_checksum(manifest)
     if manifest.get(_CHECKSUM) != _checksum_of(plain):
         raise RunError(
             f"{file} is not as it was written: its checksum, {_checksum_of(plain)}, must be the one"
@@ -128,12 +123,15 @@ def put_in_place(folder: Path) -> None:
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Write the manifest whole, with a checksum over all of it."""
-    plain = {}
-    for key, value in manifest.items():
-        if key != _CHECKSUM:
-            plain[key] = value
+    plain = _without_checksum(manifest)
     content = {**plain, _CHECKSUM: _checksum_of(plain)}
     write_file(folder / MANIFEST, json.dumps(content, indent=1, allow_nan=False).encode())
+
+
+def _without_checksum(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    plain = dict(manifest)
+    plain.pop(_CHECKSUM, None)
+    return plain
 
 
 def _checksum_of(plain: Mapping[str, Any]) -> str:

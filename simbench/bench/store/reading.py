@@ -88,8 +88,6 @@ def table_parts(
     is not as it was written.
     """
     # which files there are, and what the manifest states of them
-
-    # The files that the manifest states, with their digests
     refuse_unfinished(folder, manifest)
     files = table_files(folder, manifest, kind)
     if not files:
@@ -426,8 +424,6 @@ def _read_lists(column: pa.ChunkedArray) -> np.ndarray:
 
 def read_book(folder: str | Path) -> RunArrays:
     """Read a run or a baseline."""
-    # Whatever a damaged file raises is one sentence
-
     # Whatever a damaged file raises is one sentence
     try:
         book = RunArrays.read(folder)

@@ -114,16 +114,12 @@ def _without_friction(loop: Loop) -> Loop:
     for e in loop.effect:
         if not is_friction(e.name):
             effects.append(e)
-    effects = tuple(effects)
     loads = []
     for d in loop.disturbance:
         if d.parameters.get("at") != "op":
             loads.append(d)
-    loads = tuple(loads)
-    return loop.model_copy(update={"effect": effects, "disturbance": loads})
+    return loop.model_copy(update={"effect": tuple(effects), "disturbance": tuple(loads)})
 
-
-# ---
 
 VERSION = 1
 # S of the cells, in what would show in the record, and J in S
@@ -321,8 +317,6 @@ def _scenarios_of_record(
 ) -> list[list[Scenario]]:
     """Return the scenarios of one record, those of each cell together: sticky and healthy."""
     # Every size with every slip jump
-
-    # Every size with every slip jump
     cells = []
     for jump in JUMPS:
         for size in SIZES:
@@ -366,10 +360,9 @@ def _draw_cell(
         cycles = simulate_with_truth(sticky, first)[1].answer == YES
         found = [_make_scenario(near, sticky, first, {**tags, "member": "sticky"}, sticky)]
         kind = str(rng.choice(ECHOES))
+        healthy = None
         if cycles:
             healthy = _draw_echo(near.loop, valve, kind, other)
-        else:
-            healthy = None
 
         # Else the loop as it is, in every second cell
         if healthy is None:

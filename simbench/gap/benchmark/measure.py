@@ -122,8 +122,6 @@ def describe(records: Sequence[LoopRecord]) -> np.ndarray:
     return np.nan_to_num(np.array(rows, dtype=float))
 
 
-# ---
-
 LOOPS = 130  # drawn from the grid where no other number is asked for
 _FEWEST = 10  # records, and loops that a nuisance leaves, for a classifier
 _SUITED = 0.5  # of the loops; what suits fewer, or lets more run away, is no answer for the grid
@@ -198,7 +196,8 @@ def grid(
             raise ParameterError(f"gap grid: addition {name!r}: {nearest(name, ADDITIONS)}")
     plan = read_plan(grid, {})
     if isinstance(records, Mapping):
-        named, refused = (records, {})
+        named = records
+        refused = {}
     else:
         named, refused = read_folder(records, **about)
     if len(named) < _FEWEST:
@@ -306,6 +305,9 @@ def _best_of_each(before: TriedAddition, singles: Sequence[TriedAddition]) -> li
 # --- How well can a classifier tell recorded loops from simulated ones? The area under its ROC
 # curve is a distance between two sets of records: .5 where they cannot be told apart, 1 where any
 # can.
+#
+# Lopez-Paz and Oquab (2017), Revisiting classifier two-sample tests, ICLR; extremely randomised
+# trees by Geurts, Ernst and Wehenkel (2006), Machine Learning 63, 3.
 
 _FOLDS = 5  # in which whole units are left out
 _TREES = 60

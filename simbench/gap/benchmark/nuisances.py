@@ -47,8 +47,6 @@ def _read_nuisance(table: Mapping[str, Any]) -> Nuisance:
 
     def add(loop: Loop, record: LoopRecord, source: Source, strength: float) -> Loop:
         # what sizes are measured in: std of PV and OP, period (s) and frequency of OP
-
-        # What the addition's numbers are measured in
         period = _samples_per_period(record) * record.Ts
         pv = float(np.std(record.pv)) + _SMALLEST
         op = float(np.std(record.op)) + _SMALLEST

@@ -127,8 +127,6 @@ def _spread_of_runs(sims: np.ndarray, spread: np.ndarray) -> np.ndarray:
     return np.minimum(np.abs(sims - others) / spread, CAP)
 
 
-# ---
-
 _FITTED = 0.65  # first share of the record, to which loops are fitted that copy it
 # simulations of a loop, and samples of all together. With 8 the gap of 39 real records scattered by
 # 12 % from seed to seed, and of 10 the seed decided whether it was resolvable; with 64 by 6 %, and

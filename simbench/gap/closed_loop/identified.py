@@ -31,11 +31,11 @@ class IdentifiedLoops(ClosedLoops):
         """
         # Only friction changes which copy is nearest
         known = self.fitted.parameters
-        key = []
+        sticking = []
         for e in effects:
             if is_friction(e) and e in known:
-                key.append(e)
-        key = tuple(key)
+                sticking.append(e)
+        key = tuple(sticking)
 
         # Copies with that friction, the nearest of them
         if key not in self.chosen:
@@ -75,11 +75,7 @@ class IdentifiedLoops(ClosedLoops):
         """Return runs of the copy without effects, twice, as it needs no other calibration, and of
         that with some effects.
         """
-        key = []
-        for e in effects:
-            if is_friction(e):
-                key.append(e)
-        key = tuple(key)
+        key = tuple(filter(is_friction, effects))
         if () not in self.arms:
             bare = self._run_copy([])
             self.arms[()] = bare, bare, bare

@@ -110,7 +110,8 @@ def _in_words(name: str, one: Compared, s: Situation) -> Remaining:
     if name[-1].isdigit():
         kind, _, number = name.rpartition(" ")
     else:
-        kind, _, number = (name, "", "")
+        kind = name
+        number = ""
     signal, _, what = kind.partition(" ")
     known = _KINDS[kind if "after" in what else what]
     samples = s.record.n - held_out(s)

@@ -1,5 +1,5 @@
-"""Simulate the loops of one diagnosis before and after an effect is added; each simulation is
-computed once.
+"""Simulate the loops of one diagnosis before and after an effect is added, each once, and choose
+the copy of a record whose simulations are nearest to it.
 """
 
 from __future__ import annotations

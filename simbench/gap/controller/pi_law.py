@@ -399,10 +399,8 @@ class _Examination:
         rough = bool(line.mean() > _THINNED) or grid > 0.0
         if self.plain and not rough:
             mean = self._behind_a_mean(law)
-        else:
-            mean = None
-        if mean is not None:
-            return mean
+            if mean is not None:
+                return mean
 
         # A controller that skips scans, or any other reason
         foreign = ""
@@ -473,10 +471,9 @@ class _Examination:
         # What each leaves of PV, a changed tuning at a price
         tries = []
         for i, (a, b) in enumerate(tunings):
-            if np.isfinite(a):
-                seen = self._recover_change(a, b)
-            else:
-                seen = None
+            if not np.isfinite(a):
+                continue
+            seen = self._recover_change(a, b)
             if seen is not None:
                 # a baseline that explains the archive as well is the simpler truth
                 price = 1.0 if i < stated else 1.5
@@ -498,9 +495,8 @@ class _Examination:
     def _recover_change(self, a: float, b: float) -> np.ndarray | None:
         pv = recover_pv(self.op, self.e, self.pv, self.inside, a, b, self.Ti is None)
         if pv is None:
-            change = None
-        else:
-            change = self.acts.unshaped(pv - self.pv)
+            return None
+        change = self.acts.unshaped(pv - self.pv)
         if change is None:
             return None
         return self.pv + change

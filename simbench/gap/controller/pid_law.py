@@ -146,7 +146,8 @@ class Stated:
         if y.size > 2:
             Kc, Ki = solve_by_majority(X, y)
         else:
-            Kc, Ki = (0.0, 0.0)
+            Kc = 0.0
+            Ki = 0.0
 
         # They must explain nearly all, and be far from the stated Ti
         if Kc * Ki <= 0.0 or about_zero(y - X @ [Kc, Ki]) > _EXPLAINS * about_zero(y):

@@ -108,8 +108,6 @@ def _simulated_tests(
     be simulated.
     """
     # the loop with what stands between OP and PV: what a load does is in every model
-
-    # The loop with all but its disturbances, run several times
     inner = {}
     for e, p in effects.items():
         if block_of(e) != "disturbance":

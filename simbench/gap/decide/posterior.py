@@ -154,9 +154,11 @@ def posterior(
 
     # what is known takes the place of none: it is in every model
     if known:
-        alone, least = (known[0], SECOND_NATS)
+        alone = known[0]
+        least = SECOND_NATS
     else:
-        alone, least = (NONE, LEAST_NATS)
+        alone = NONE
+        least = LEAST_NATS
     others = {}
     for e, g in nats.items():
         if e != alone and not (apart and is_friction(e)):

@@ -27,7 +27,7 @@ from simbench.gap.intake.observed import (
 )
 from simbench.gap.intake.other_loop import refuse_other_controller
 from simbench.gap.sensor.samples import inspect_samples
-from simbench.gap.situation import Seen, Situation
+from simbench.gap.situation import Seen, Situation, name_of_record
 from simbench.loop.effects import block_of
 from simbench.scenarios.plant import Controller
 from simbench.scenarios.spec import Loop
@@ -49,16 +49,13 @@ def check(
     samples. `trusted`: the baseline was given, not identified; `tuned`: its tuning is known too.
     """
     tuned = trusted if tuned is None else tuned
-    if record.tag:
-        where = f"record {record.tag!r}"
-    else:
-        where = "record"
+    where = name_of_record(record)
 
     # a loop that is identified copies the archive with its repeats
     if trusted:
         record, slips = without_repeats(record)
     else:
-        record, slips = (record, 0)
+        slips = 0
     op = op_in_percent(record, trusted or tuned, where)
     refuse_unfit(record, where)
     refuse_other_pace(record.Ts, baseline.sampling.Ts, where)

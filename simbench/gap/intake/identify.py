@@ -18,6 +18,7 @@ from simbench.gap.intake.observed import op_in_percent
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.model import Data, Fit, Spec, size_penalty
 from simbench.gap.sensor.samples import inspect_samples
+from simbench.gap.situation import name_of_record
 from simbench.loop.effects import EFFECTS
 from simbench.scenarios.parts import Noise, Sampling
 from simbench.scenarios.plant import Controller, Plant
@@ -65,8 +66,8 @@ def identify(
             law = law_of(record, sign)
         if not (np.isfinite(law.Kc) and law.Kc != 0.0):
             raise RecordError(
-                f"{_name_record(record)}: no controller can be identified: OP does not answer to PV"
-                f" (Kc = {abs(law.Kc):g})"
+                f"{name_of_record(record)}: no controller can be identified: OP does not answer"
+                f" to PV (Kc = {abs(law.Kc):g})"
             )
         controller = _identified_controller(law, sign, record.Ts)
     return Loop(
@@ -75,12 +76,6 @@ def identify(
         sampling=Sampling(Ts=record.Ts, n=record.n),
         noise=Noise(std=noise),
     )
-
-
-def _name_record(r: LoopRecord) -> str:
-    if r.tag:
-        return f"record {r.tag!r}"
-    return "record"
 
 
 def law_of(r: LoopRecord, sign: float = 1.0) -> Law:
@@ -141,7 +136,7 @@ def _identify_plant(r: LoopRecord, sign: float) -> tuple[Plant, float]:
         K = fit.K
     if not (np.isfinite(K) and K != 0.0):
         raise NoAnswer(
-            f"{_name_record(r)}: no plant can be identified: PV does not answer to OP (K = {K:g})"
+            f"{name_of_record(r)}: no plant can be identified: PV does not answer to OP (K = {K:g})"
         )
 
     # The plant in seconds

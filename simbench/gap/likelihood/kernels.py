@@ -111,8 +111,6 @@ def valve(u, kind, p0, p1, p2):
 def _move_valve(u, kind, p0, p1, p2, v):
     """Fill `v` as `valve` returns it."""
     # Each map sample by sample; the start is an offset from OP
-
-    # Each map sample by sample; the start is an offset from OP
     lo = -np.inf
     hi = np.inf
     if kind == PLAY:

@@ -216,9 +216,11 @@ def narrow(engine: Engine, fit: Fit) -> Fit:
     kind = fit.spec.valve
     bare = replace(fit.spec, valve=kernels.IDEAL, start=0.0)
     if kind == kernels.ZONE:
-        first, second = ("D", "c")
+        first = "D"
+        second = "c"
     else:
-        first, second = ("S", "J")
+        first = "S"
+        second = "J"
 
     # Ever finer: a scan, then steps in all numbers, while it gains
     for share in (0.06, 0.02, 0.007, 0.002):

@@ -1,4 +1,5 @@
-"""Fit the valve model to recorded OP and MV alone: which model, with which parameters."""
+"""Fit the valve model to recorded OP and MV alone, which model with which parameters, and by
+regression to OP and PV."""
 
 from __future__ import annotations
 

@@ -350,8 +350,6 @@ class GapReport:
             Sentences on its unit, its floor and its shrinkage.
         """
         # what is measured, and its floor
-
-        # The distance, and what it is made of
         g = self.gap
         s = self.shrinkage
         lines = [

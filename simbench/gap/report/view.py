@@ -97,8 +97,6 @@ def _answer_section(report: GapReport) -> list[Part]:
 def _picture_section(report: GapReport, situation: Situation) -> list[Part]:
     """Return the record and its simulations in pictures: over time and over OP."""
     # the pictures
-
-    # The record and its simulations over time, and over OP
     runs = compared(report)
     part = end_of(situation)
     drawn = [

@@ -79,9 +79,8 @@ class CandidateLoops:
         it; None where it does not, or was not recorded.
         """
         if self._search_mv is None:
-            found = None
-        else:
-            found = positioner(self._search_mv)
+            return None
+        found = positioner(self._search_mv)
         if found is None:
             return None
         return found[1]
@@ -90,9 +89,8 @@ class CandidateLoops:
     def slow(self) -> SlowValve | None:
         """The valve whose speed is limited, as MV shows it; None as for `positioner`."""
         if self._search_mv is None:
-            found = None
-        else:
-            found = slow_valve(self._search_mv)
+            return None
+        found = slow_valve(self._search_mv)
         if found is None:
             return None
         return found[1]
@@ -101,10 +99,9 @@ class CandidateLoops:
     def _search_mv(self) -> MapSearch | None:
         """The search for what the valve makes of OP; None where MV was not recorded."""
         if self.closed is None:
-            s = None
-        else:
-            s = self.closed.fitted.situation
-        if s is None or s.record.mv is None:
+            return None
+        s = self.closed.fitted.situation
+        if s.record.mv is None:
             return None
         return MapSearch(s.op, np.asarray(s.record.mv), s.record.Ts, s.op)
 

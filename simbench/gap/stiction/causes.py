@@ -132,24 +132,20 @@ def find_causes(prepared: Prepared, loops: CandidateLoops | Refusal) -> Causes:
     """
     # What single samples show needs no simulation, unless stiction is claimed
     claimed = not isinstance(loops, Refusal) and loops.probability > CLAIMED_FROM
-    if claimed:
-        plain = None
-    else:
+    if not claimed:
         plain = _see_in_samples(prepared)
-    if plain is not None:
-        return Causes(plain, (plain,))
+        if plain is not None:
+            return Causes(plain, (plain,))
 
     # Without loops all is open
     if isinstance(loops, Refusal):
         return _leave_open(loops.reason, ())
 
     # A positioner or a slow valve that MV shows
-    if claimed:
-        moves = None
-    else:
+    if not claimed:
         moves = _judge_positioner(loops) or _judge_slow_valve(loops)
-    if moves is not None:
-        return Causes(moves, (moves,))
+        if moves is not None:
+            return Causes(moves, (moves,))
 
     # The rest is weighed side by side
     swing = prepared.oscillation

@@ -1,4 +1,5 @@
-"""Find from which size of stiction on a record denies it: the valve was asked to move by so much.
+"""Find from which size of stiction on a record denies it, as its valve was asked to move by so
+much; alter an identified loop, and keep of a record the samples that were measured.
 
 Between two samples that are too far apart a slip goes unseen, and a valve rests that nothing asks
 to move.

@@ -28,7 +28,7 @@ from simbench.gap.intake.partial import Partial, complete_baseline
 from simbench.gap.likelihood.engine import Engine
 from simbench.gap.likelihood.kernels import SKIP
 from simbench.gap.likelihood.valve_map import MapSearch, friction_regressed
-from simbench.gap.situation import Situation, load_memory
+from simbench.gap.situation import Situation, load_memory, name_of_record
 from simbench.gap.stiction.deniable import (
     FRICTION,
     Deniable,
@@ -300,10 +300,7 @@ def stands(record: LoopRecord) -> bool | None:
 def _weigh_friction(record: LoopRecord, known: Partial | None) -> Friction:
     """Return what a record shows of friction, before it is asked what would have shown."""
     # Alone the record must have samples that were measured
-    if record.tag:
-        where = f"record {record.tag!r}"
-    else:
-        where = "record"
+    where = name_of_record(record)
     record = in_percent(record)[0]
     if known is None and record.mv is None:
         record = unheld(without_last_bits(record))
@@ -330,10 +327,7 @@ def _weigh_friction(record: LoopRecord, known: Partial | None) -> Friction:
 
 def refuse_unweighable(record: LoopRecord) -> None:
     """Refuse a record that shows nothing about its valve, whatever is known of its loop."""
-    if record.tag:
-        where = f"record {record.tag!r}"
-    else:
-        where = "record"
+    where = name_of_record(record)
     refuse_unfit(record, where)
     flags = Prepared(record.without_mv()).flags
     unfit = next((flags[f].evidence for f in UNFIT if f in flags), "")

@@ -127,8 +127,6 @@ def complete_band(
     """Fill the pair that was not given from the pair that was."""
     # S = percent (Fs + Fc), J = percent (Fs - Fc): force balance at rest and in slow motion,
     # Choudhury et al. (2005).
-
-    # One pair or the other is given
     high, low = forces
     S = values["S"]
     J = values["J"]

@@ -1,5 +1,5 @@
 """Exact motion of mass, spring, Coulomb and viscous friction under a held OP: from event to event,
-no time steps.
+no time steps; its twin in fixed sub-steps, and one sample by either.
 
 Positions in % of travel, rates in %/s, times in s; `a` and `w2` as in actuator.py. z is the
 distance of the valve from where it would come to rest if it went on sliding. The formulas hold for

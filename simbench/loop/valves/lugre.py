@@ -108,6 +108,10 @@ mapped_SJ = actuator.mapped_SJ
 
 # --- Motion with LuGre friction: stiff bristles, integrated by an implicit method with adaptive
 # step.
+#
+# Position x in % of travel, rate r in %/s, bristle deflection z in % of travel; a and w2 as in
+# actuator.py, g0 = s0/m and g1 = s1/m of the bristles' stiffness and damping, soft = k/s0 turns a
+# friction in % into a deflection in %.
 
 # per sample; a held OP takes about 200 steps until all is at rest, however long it is held
 _MAX_STEPS = 1_000_000

@@ -77,6 +77,10 @@ def step(u, state, p):
 
 # --- Motion with Stribeck friction: exact while fast, adaptive Runge-Kutta in the tail where
 # friction grows again.
+#
+# Units as in motion.py; vs is the Stribeck speed in %/s. Friction that falls with speed throws the
+# valve through the tail within some 10 us, in either direction; a valve on a steep ramp may also
+# slide along in it.
 
 # at 6 vs the Stribeck force is down to exp(-36), rounding error
 _FAR = 6.0
